@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from atra.choices import check_choice
@@ -11,7 +12,6 @@ from atra.light.scattering.seen_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 
-FRESNEL = ("exact", "schlick")
 ALPHA = ("opaque", "mask", "blend")
 IMAGE_FIELDS = ("colour", "metallic_roughness", "normals", "emission_image", "transmission_image")
 """Fields of `MetallicRoughness` that may be images."""
@@ -37,11 +37,6 @@ class Material:
     def clear_share(self) -> float:
         """The share of light that clear glass lets straight on at a right angle, colour left out; 0 of others."""
         return 0.0
-
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        """`parameter` and `is_variant` of its row for kernels."""
-        return 0.0, False
 
     @property
     def images(self) -> tuple[Image | None, ...]:
@@ -77,33 +72,23 @@ class Metal(Material):
         _check_texture(self)
         check_fields(self, fuzz=(0.0, 1.0))
 
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        return self.fuzz, False
-
 
 @dataclass(frozen=True)
 class Dielectric(Material):
     """Clear glass that reflects and refracts; triangles are counterclockwise seen from outside.
 
-    ior: index of refraction, inside over outside. fresnel: "exact", or "schlick" for Schlick's approximation.
+    ior: index of refraction, inside over outside.
     """
 
     kind = DIELECTRIC
     ior: float = 1.5
-    fresnel: str = "exact"
 
     def __post_init__(self) -> None:
         check_fields(self, ior=(0.0, 1e3, True))
-        check_choice("fresnel of Dielectric", self.fresnel, FRESNEL)
 
     @property
     def clear_share(self) -> float:
         return 1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
-
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        return self.ior, self.fresnel == "schlick"
 
 
 @dataclass(frozen=True)
@@ -186,10 +171,6 @@ class MetallicRoughness(Material):
             return 0.0
         return self.transmission * (1.0 - self.metallic) * (1.0 - ((self.ior - 1.0) / (self.ior + 1.0)) ** 2)
 
-    @property
-    def numbers(self) -> tuple[float, bool]:
-        return self.ior, self.is_thin
-
 
 _SHARES = ("opacity", "cutoff", "metallic", "roughness", "transmission", "specular", "coat", "coat_roughness")
 _BOUNDS: dict[str, Any] = {
@@ -202,3 +183,45 @@ _BOUNDS: dict[str, Any] = {
 def _check_texture(material: Any) -> None:
     if not isinstance(material.colour, Checker | Image):
         check_fields(material, colour=1.0)
+
+
+def plain_of(material: Material) -> Lambertian | MetallicRoughness:
+    """The diffuse material that stands for another in layers of pictures: its plain colour, and its holes."""
+    if not isinstance(material, MetallicRoughness):
+        return Lambertian(material.plain)
+    return MetallicRoughness(
+        material.plain, material.opacity, material.alpha, material.cutoff, is_double=material.is_double
+    )
+
+
+def shown_of(material: Material) -> Material:
+    """`plain_of` with what it emits, for hybrid pictures; clear glass is a pane that lets most light straight on."""
+    if isinstance(material, Emissive):
+        return MetallicRoughness((0.0, 0.0, 0.0), emission=material.emission, is_double=True)
+    plain = _as_pane(plain_of(material), material.clear_share)
+    if not isinstance(material, MetallicRoughness) or not isinstance(plain, MetallicRoughness):
+        return plain
+    return replace(plain, emission=material.emission, emission_image=material.emission_image)
+
+
+def _as_pane(plain: Material, clear: float) -> Material:
+    """A plain material that also lets a share of light straight on. A mask stays as it is."""
+    if not clear or (isinstance(plain, MetallicRoughness) and plain.alpha == "mask"):
+        return plain
+    if isinstance(plain, MetallicRoughness) and plain.alpha == "blend":
+        return replace(plain, opacity=(1.0 - clear) * plain.opacity)
+    colour = plain.plain
+    if isinstance(colour, Image):  # whose opacity counts for nothing so far
+        colour = replace(colour, texels=colour.texels[..., :3], factor=(*colour.factor[:3], 1.0))
+    is_double = getattr(plain, "is_double", True)
+    return MetallicRoughness(colour, 1.0 - clear, "blend", is_double=is_double)
+
+
+def without_images(
+    material: MetallicRoughness, lost: Sequence[bool] = (True,) * len(IMAGE_FIELDS)
+) -> MetallicRoughness:
+    """A material without some of its `images`, its factors kept."""
+    colour = material.colour
+    plain = {"colour": colour.factor[:3] if isinstance(colour, Image) else colour}
+    fields: Any = {name: plain.get(name) for name, is_lost in zip(IMAGE_FIELDS, lost, strict=True) if is_lost}
+    return replace(material, **fields)

@@ -1,4 +1,5 @@
-"""Surfaces and sky as kernels read them: where a ray meets a triangle, its normal there, and its colour."""
+"""Surfaces as kernels read them: where a ray meets a triangle, its normal there, its colour, and what it shows whatever
+light falls on it: its emission, and the share of light that its holes let through."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import ONE, ZERO, dot, scaled
+from atra.light.scattering.texels_kernels import image_at
 
 RECORD_WORDS = 8
 """float64 numbers of a triangle, a cache line: unit normal (3), plane's n . p, offset of rays that leave it, material;
@@ -16,25 +18,22 @@ two unused."""
 
 CONSTANT, CHECKER, IMAGE = 0, 1, 2
 
-KIND, COLOUR, TEXTURE, SECOND, SCALE, PARAMETER, VARIANT = 0, 1, 4, 5, 8, 9, 10
-METALLIC, ROUGHNESS, EMISSION, NORMAL_SCALE, TRANSMISSION, OPACITY, CUTOFF, IMAGES, HAS_COLOURS, BACKS = (
-    11, 12, 13, 16, 17, 18, 19, 20, 25, 26,
+MATERIAL_ROW = np.dtype(
+    [
+        ("kind", "i8"), ("texture", "i8"), ("scale", "f8"), ("colour", "f4", 3), ("second", "f4", 3),
+        ("parameter", "f4"), ("is_thin", "?"), ("images", "i8", 5), ("emission", "f4", 3), ("metallic", "f4"),
+        ("roughness", "f4"), ("normal_scale", "f4"), ("transmission", "f4"), ("opacity", "f4"), ("cutoff", "f8"),
+        ("has_colours", "?"), ("colours_emit", "?"), ("is_double", "?"), ("specular", "f4"),
+        ("specular_colour", "f4", 3), ("coat", "f4"), ("coat_roughness", "f4"), ("absorption", "f8", 3),
+    ],
+    align=True,
 )  # fmt: skip
-SPECULAR, TINT, COAT, COAT_ROUGHNESS, ABSORPTION = 27, 28, 31, 32, 33
-MATERIAL_WORDS, COLOURS_EMIT = 36, 2
-"""float64 numbers of a material. KIND: see `scattering.spots_kernels`, also for PARAMETER and VARIANT. COLOUR,
-SECOND, EMISSION: three each. CUTOFF: of a mask; below 0, opacity is a share of light; above 1, all is opaque. IMAGES:
-rows of `textures`, of `MetallicRoughness.images` (5), -1 = none. HAS_COLOURS: of vertices; if COLOURS_EMIT, emission is
-times these, too. BACKS: whether the eye sees them. TINT: of SPECULAR (3). ABSORPTION: per unit of length within (3)."""
+"""A material for kernels; fields of `MetallicRoughness` have its names. kind: see `scattering.spots_kernels`, also for
+parameter. texture: of the colour; second, scale: of a checker. images: rows of `textures`, of
+`Material.images`, -1 = none. cutoff: of a mask; below 0, opacity is a share of light; above 1, all is opaque.
+has_colours: of vertices; colours_emit: emission is times these, too. is_double: whether the eye sees its backs."""
 
 OF_COLOUR, OF_METAL, OF_NORMALS, OF_EMISSION, OF_TRANSMISSION = 0, 1, 2, 3, 4
-
-FIRST_TEXEL, TEXELS_X, TEXELS_Y, WRAP_X, WRAP_Y, CURVE, NEAREST, UV, FACTOR, PLACEMENT = 0, 1, 2, 3, 4, 5, 6, 7, 8, 12
-TEXTURE_WORDS = 18
-"""float64 numbers of an image. CURVE: -1 for texels of float32; otherwise the row of `curves` for bytes. UV: 1 for the
-second. FACTOR: of four channels. PLACEMENT: of the image's s and t by those of the vertices (6)."""
-
-REPEAT, MIRROR, CLAMP = 0, 1, 2
 
 SHINES, ENDS, HOLES, ONE_SIDED, SOLID = 1, 2, 4, 8, 16
 """Bits of `flags`. SHINES: the front emits. ENDS: nothing is reflected. HOLES: light may pass straight on. ONE_SIDED:
@@ -63,7 +62,7 @@ class Surfaces(NamedTuple):
     normal are constant on all triangles; two affine functions give the barycentric weights of the second and third
     corners at a point. corners: (F, 2 CORNER_WORDS) float32, or (0, ...): three shading normals (9; 0 if there are
     none), three uv (6), 1 unused. more: (F, MORE_WORDS) float32, or (0, ...): three colours (12), three second uv (6).
-    materials: (M, MATERIAL_WORDS) float64. textures: (N, TEXTURE_WORDS) float64. texels: (T, 4) float32, of all images
+    materials: (M,) MATERIAL_ROW. textures: (N,) IMAGE_ROW. texels: (T, 4) float32, of all images
     of floats; coded: (T, 4) uint8, of all images of bytes; curves: (2, 256) float32, what a byte stands for, linearly
     and in sRGB. sky: (SKY_WORDS,) float32. panorama: (H, W, 3) float32, row 0 above; +y is up, the middle column looks
     along -z; harmonics: (9, 3) float32, its light on surfaces, as for `reflected`. has_holes: whether rays to lights
@@ -75,8 +74,8 @@ class Surfaces(NamedTuple):
     weights: NDArray[np.float64]
     corners: NDArray[np.float32]
     more: NDArray[np.float32]
-    materials: NDArray[np.float64]
-    textures: NDArray[np.float64]
+    materials: NDArray[np.void]
+    textures: NDArray[np.void]
     texels: NDArray[np.float32]
     coded: NDArray[np.uint8]
     curves: NDArray[np.float32]
@@ -149,21 +148,15 @@ def shading_normal(surfaces, prim_id, point, normal, is_front, direction):  # ty
 
 
 @njit(forceinline=True)
-def plain_colour(surfaces, material):  # type: ignore[no-untyped-def]
-    """(r, g, b) float32 of a material without texture, or a checker's first."""
-    rows = surfaces.materials
-    return (
-        np.float32(rows[material, COLOUR]),
-        np.float32(rows[material, COLOUR + 1]),
-        np.float32(rows[material, COLOUR + 2]),
-    )
+def three(numbers):  # type: ignore[no-untyped-def]
+    return numbers[0], numbers[1], numbers[2]
 
 
 @njit(forceinline=True)
 def colour_of(surfaces, material, prim_id, point):  # type: ignore[no-untyped-def]
     """(r, g, b) float32 of a material at a point, vertices' colours left out."""
-    if surfaces.materials[material, TEXTURE] == CONSTANT:
-        return plain_colour(surfaces, material)
+    if surfaces.materials[material].texture == CONSTANT:
+        return three(surfaces.materials[material].colour)
     s, t = first_uv(surfaces, prim_id, weights_at(surfaces, prim_id, point))
     return colour_at(surfaces, material, prim_id, point, s, t)
 
@@ -177,17 +170,27 @@ def colour_at(surfaces, material, prim_id, point, s, t):  # type: ignore[no-unty
 @njit(forceinline=True)
 def colour_at_inlined(surfaces, material, prim_id, point, s, t):  # type: ignore[no-untyped-def]
     """`colour_at`, for a caller with many points: handing `surfaces` over takes longer than the look-up."""
-    rows = surfaces.materials
-    if rows[material, TEXTURE] == IMAGE:
-        texel = _textured(surfaces, material, OF_COLOUR, prim_id, point, s, t)
-        return texel[0], texel[1], texel[2]
-    if rows[material, TEXTURE] == CHECKER:
-        scale = rows[material, SCALE]
-        cell = np.int64(np.floor(np.float64(s) * scale)) + np.int64(np.floor(np.float64(t) * scale))
+    row = surfaces.materials[material]
+    if row.texture == IMAGE:
+        return three(_textured(surfaces, material, OF_COLOUR, prim_id, point, s, t))
+    if row.texture == CHECKER:
+        cell = np.int64(np.floor(np.float64(s) * row.scale)) + np.int64(np.floor(np.float64(t) * row.scale))
         if cell & 1 != 0:
-            second = rows[material, SECOND], rows[material, SECOND + 1], rows[material, SECOND + 2]
-            return np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
-    return plain_colour(surfaces, material)
+            return three(row.second)
+    return three(row.colour)
+
+
+@njit(forceinline=True)
+def packed_image(surfaces, material):  # type: ignore[no-untyped-def]
+    """The row of `textures` of a material whose colours `texels_kernels.colours_at` finds: bytes, blended, by the
+    vertices' first uv, and vertices without colours; -1 = one by one."""
+    row = surfaces.materials[material]
+    if row.texture == IMAGE and not row.has_colours:
+        number = row.images[OF_COLOUR]
+        image = surfaces.textures[number]
+        if image.curve >= 0 and not image.is_nearest and not image.second_uv:
+            return number
+    return np.int64(-1)
 
 
 @njit(forceinline=True)
@@ -231,63 +234,58 @@ def textured(surfaces, material, which, prim_id, point, s, t):  # type: ignore[n
 
 @njit(forceinline=True)
 def _textured(surfaces, material, which, prim_id, point, s, t):  # type: ignore[no-untyped-def]
-    number = np.int64(surfaces.materials[material, IMAGES + which])
+    number = surfaces.materials[material].images[which]
     if number < 0:
         return ONE, ONE, ONE, ONE
-    row = surfaces.textures[number]
-    if row[UV] != 0.0:
+    if surfaces.textures[number].second_uv:
         s, t = second_uv(surfaces, prim_id, weights_at(surfaces, prim_id, point))
-    x = row[PLACEMENT] * s + row[PLACEMENT + 1] * t + row[PLACEMENT + 2]
-    y = row[PLACEMENT + 3] * s + row[PLACEMENT + 4] * t + row[PLACEMENT + 5]
-    columns, rows = np.int64(row[TEXELS_X]), np.int64(row[TEXELS_Y])
-    x, y = _wrapped(x, row[WRAP_X]) * columns - 0.5, _wrapped(1.0 - y, row[WRAP_Y]) * rows - 0.5
-    if row[NEAREST] != 0.0:
-        x, y = np.floor(x + 0.5), np.floor(y + 0.5)
-    left, above = np.floor(x), np.floor(y)
-    fx, fy = np.float32(x - left), np.float32(y - above)
-    x0, x1 = _inside(np.int64(left), columns, row[WRAP_X]), _inside(np.int64(left) + 1, columns, row[WRAP_X])
-    y0, y1 = _inside(np.int64(above), rows, row[WRAP_Y]), _inside(np.int64(above) + 1, rows, row[WRAP_Y])
-    first, curve = np.int64(row[FIRST_TEXEL]), np.int64(row[CURVE])
-    a, b = _texel(surfaces, curve, first + y0 * columns + x0), _texel(surfaces, curve, first + y0 * columns + x1)
-    c, d = _texel(surfaces, curve, first + y1 * columns + x0), _texel(surfaces, curve, first + y1 * columns + x1)
-    wa, wb, wc, wd = (ONE - fx) * (ONE - fy), fx * (ONE - fy), (ONE - fx) * fy, fx * fy
-    return (
-        np.float32(row[FACTOR]) * (wa * a[0] + wb * b[0] + wc * c[0] + wd * d[0]),
-        np.float32(row[FACTOR + 1]) * (wa * a[1] + wb * b[1] + wc * c[1] + wd * d[1]),
-        np.float32(row[FACTOR + 2]) * (wa * a[2] + wb * b[2] + wc * c[2] + wd * d[2]),
-        np.float32(row[FACTOR + 3]) * (wa * a[3] + wb * b[3] + wc * c[3] + wd * d[3]),
-    )
+    return image_at(surfaces, number, s, t)
 
 
-@njit(forceinline=True)
-def _texel(surfaces, curve, place):  # type: ignore[no-untyped-def]
-    """(r, g, b, opacity) float32 of a texel, in linear light."""
-    if curve < 0:
-        texels = surfaces.texels
-        return texels[place, 0], texels[place, 1], texels[place, 2], texels[place, 3]
-    coded, curves = surfaces.coded, surfaces.curves
-    return (
-        curves[curve, coded[place, 0]],
-        curves[curve, coded[place, 1]],
-        curves[curve, coded[place, 2]],
-        curves[0, coded[place, 3]],
-    )
+@njit
+def emitted(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
+    """(r, g, b) of a triangle that shines, seen by a ray; its back is black."""
+    point, _, is_front = meet(surfaces, prim_id, origin, direction)
+    return emission_at(surfaces, prim_id, point) if is_front else (ZERO, ZERO, ZERO)
 
 
-@njit(forceinline=True)
-def _wrapped(place, wrap):  # type: ignore[no-untyped-def]
-    """A place along an axis of an image -> one in [0, 1]."""
-    if wrap == CLAMP:
-        return min(1.0, max(0.0, place))
-    if wrap == MIRROR:
-        place = place - 2.0 * np.floor(0.5 * place)
-        return place if place <= 1.0 else 2.0 - place
-    return place - np.floor(place)
+@njit
+def emission_at(surfaces, prim_id, point):  # type: ignore[no-untyped-def]
+    """(r, g, b) that the front of a triangle emits at a point."""
+    material = material_of(surfaces, prim_id)
+    row = surfaces.materials[material]
+    light, has_image = three(row.emission), row.images[OF_EMISSION] >= 0
+    if not (has_image or row.colours_emit):
+        return light
+    weights = weights_at(surfaces, prim_id, point)
+    if has_image:
+        s, t = first_uv(surfaces, prim_id, weights)
+        texel = textured(surfaces, material, OF_EMISSION, prim_id, point, s, t)
+        light = light[0] * texel[0], light[1] * texel[1], light[2] * texel[2]
+    if row.colours_emit:
+        colour = vertex_colour(surfaces, prim_id, weights)
+        light = light[0] * colour[0], light[1] * colour[1], light[2] * colour[2]
+    return light
 
 
-@njit(forceinline=True)
-def _inside(place, count, wrap):  # type: ignore[no-untyped-def]
-    """The number of a texel that is at most one beyond an end."""
-    if wrap == REPEAT:
-        return place + count if place < 0 else place - count if place >= count else place
-    return min(count - 1, max(0, place))
+@njit
+def opacity_at(surfaces, prim_id, point, is_front, is_seen):  # type: ignore[no-untyped-def]
+    """The share of light that meets a triangle with HOLES at a point; the rest passes. is_seen: by the eye."""
+    row = surfaces.materials[material_of(surfaces, prim_id)]
+    if is_seen and not is_front and not row.is_double:
+        return ZERO
+    cutoff = row.cutoff
+    if cutoff > 1.0:
+        return ONE
+    opacity = row.opacity
+    has_image = row.images[OF_COLOUR] >= 0
+    if has_image or row.has_colours:
+        weights = weights_at(surfaces, prim_id, point)
+        if has_image:
+            s, t = first_uv(surfaces, prim_id, weights)
+            opacity *= textured(surfaces, material_of(surfaces, prim_id), OF_COLOUR, prim_id, point, s, t)[3]
+        if row.has_colours:
+            opacity *= vertex_colour(surfaces, prim_id, weights)[3]
+    if cutoff < 0.0:
+        return opacity
+    return ONE if opacity >= cutoff else ZERO

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from atra.geometry.mesh import Mesh
 from atra.hits import read_only
 from atra.light import surface_kernels as words
-from atra.light.emitters.harmonics_kernels import OF_COSINE, harmonics
+from atra.light.emitters.sky_kernels import OF_COSINE, harmonics
 from atra.light.materials import Emissive, Material, MetallicRoughness
+from atra.light.scattering.texels_kernels import IMAGE_ROW
 from atra.light.scene import Scene
 from atra.light.sky import GradientSky, Sky
 from atra.light.surface_kernels import Surfaces
@@ -26,8 +27,8 @@ def surfaces_of(scene: Scene, sky_power: float) -> Surfaces:
     scene = scene.local
     materials, images = _materials(scene)
     sky, panorama = sky_tables(scene.sky, sky_power)
-    flags = _flags(scene)[np.asarray(scene.face_materials)]
-    arrays = (
+    flags = np.array([_flags(one, bool(scene.lights)) for one in scene.materials], np.uint8)[scene.face_materials]
+    arrays: tuple[NDArray[Any], ...] = (
         _records(scene),
         flags,
         *_corners(scene),
@@ -43,7 +44,7 @@ def surfaces_of(scene: Scene, sky_power: float) -> Surfaces:
     return Surfaces(*tables)
 
 
-def area_vectors(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def area_vectors(corners: NDArray[np.floating]) -> NDArray[np.float64]:
     """(F, 3) float64 normals of triangles, as long as their areas. corners: (F, 3, 3)."""
     return np.asarray(0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
@@ -55,14 +56,29 @@ def unit_normals(mesh: Mesh) -> NDArray[np.float64]:
     return np.asarray(normals / np.where(length > 0.0, length, 1.0))
 
 
+def sound_normals(
+    normals: NDArray[np.float64] | None, vertices: NDArray[np.floating], faces: NDArray[np.integer]
+) -> NDArray[np.float64]:
+    """(V, 3) without zeros and NaN: a mean of the triangles around where there is none."""
+    known = np.zeros((len(vertices), 3)) if normals is None else normals
+    missing = ~(np.linalg.norm(known, axis=1) > 1e-3)
+    if not missing.any():
+        return known
+    of_faces, around = area_vectors(vertices[faces]), np.zeros_like(known)
+    for corner in range(3):
+        np.add.at(around, faces[:, corner], of_faces)
+    length = np.linalg.norm(around, axis=1, keepdims=True)
+    around = np.where(length > 0.0, around / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 1.0))
+    return np.where(missing[:, None], around, known)
+
+
 def _records(scene: Scene) -> NDArray[np.float64]:
     mesh = scene.mesh
-    corners = [mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3)]
-    normals = unit_normals(mesh)
+    corners, normals = mesh.vertices[mesh.faces].astype(np.float64), unit_normals(mesh)
     records = np.zeros((mesh.triangle_count, words.RECORD_WORDS))
     records[:, :3] = normals
-    records[:, 3] = np.einsum("fi,fi->f", normals, corners[0])
-    records[:, 4] = START_OFF * np.abs(corners).max(axis=(0, 2))
+    records[:, 3] = np.einsum("fi,fi->f", normals, corners[:, 0])
+    records[:, 4] = START_OFF * np.abs(corners).max(axis=(1, 2))
     records[:, 5] = np.asarray(scene.face_materials)
     return records
 
@@ -104,76 +120,57 @@ def _more(scene: Scene) -> NDArray[np.float32]:
     return more
 
 
-def _flags(scene: Scene) -> NDArray[np.uint8]:
-    """(M,), `flags` of a material's triangles."""
-    return np.array(
-        [
-            (words.SHINES if any(one.emission) else 0)
-            | (words.ENDS if isinstance(one, Emissive) else 0)
-            | _passes(one, bool(scene.lights))
-            for one in scene.materials
-        ],
-        np.uint8,
-    )
-
-
-def _passes(material: Material, has_lamps: bool) -> int:
-    """HOLES, ONE_SIDED and SOLID of a material."""
-    is_clear, is_thin, has_holes, bits = material.clear_share > 0.0, False, False, 0
+def _flags(material: Material, has_lamps: bool) -> int:
+    """`flags` of a material's triangles."""
+    is_clear, is_thin = material.clear_share > 0.0, False
+    bits = words.SHINES * any(material.emission) | words.ENDS * isinstance(material, Emissive)
     if isinstance(material, MetallicRoughness):
         is_clear |= material.transmission > 0.0 and material.metallic_roughness is not None
-        is_thin, has_holes = material.is_thin, material.alpha != "opaque"
-        bits = 0 if material.is_double else words.ONE_SIDED
-    if has_holes or (is_clear and is_thin):
+        is_thin = material.is_thin
+        bits |= words.ONE_SIDED * (not material.is_double) | words.HOLES * (material.alpha != "opaque")
+    if is_clear and is_thin:
         bits |= words.HOLES
-    return bits | words.SOLID if is_clear and not is_thin and has_lamps else bits
+    return bits | words.SOLID * (is_clear and not is_thin and has_lamps)
 
 
-def _materials(scene: Scene) -> tuple[NDArray[np.float64], tuple[NDArray[Any], ...]]:
+def _materials(scene: Scene) -> tuple[NDArray[np.void], tuple[NDArray[Any], ...]]:
     """`materials`, and `textures`, `texels`, `coded` and `curves` of `Surfaces`."""
-    rows = np.zeros((len(scene.materials), words.MATERIAL_WORDS))
-    rows[:, words.IMAGES : words.IMAGES + 5] = -1.0
-    images = _Images()
+    rows, images = np.zeros(len(scene.materials), words.MATERIAL_ROW), _Images()
+    rows["cutoff"], rows["opacity"], rows["is_double"] = 2.0, 1.0, True
     for row, material in zip(rows, scene.materials, strict=True):
-        row[words.KIND] = material.kind
-        row[words.PARAMETER], row[words.VARIANT] = material.numbers
-        row[words.CUTOFF], row[words.OPACITY], row[words.BACKS] = 2.0, 1.0, 1.0
+        row["kind"], row["parameter"] = material.kind, getattr(material, "ior", getattr(material, "fuzz", 0.0))
+        row["transmission"], row["emission"] = material.clear_share > 0.0, material.emission
         colour = material.colour
         if isinstance(colour, Checker):
-            row[words.TEXTURE], row[words.SCALE] = words.CHECKER, colour.scale
-            row[words.COLOUR : words.COLOUR + 3] = colour.first
-            row[words.SECOND : words.SECOND + 3] = colour.second
+            row["texture"], row["scale"] = words.CHECKER, colour.scale
+            row["colour"], row["second"] = colour.first, colour.second
         elif isinstance(colour, Image):
-            row[words.TEXTURE] = words.IMAGE
+            row["texture"] = words.IMAGE
         else:
-            row[words.COLOUR : words.COLOUR + 3] = colour
-        row[words.EMISSION : words.EMISSION + 3] = material.emission
-        row[words.TRANSMISSION] = material.clear_share > 0.0
-        for slot, image in enumerate(material.images):
-            if image is not None:
-                row[words.IMAGES + slot] = images.number_of(image)
+            row["colour"] = colour
+        row["images"] = [-1 if image is None else images.number_of(image) for image in material.images]
         if isinstance(material, MetallicRoughness):
-            _physical(row, material, scene.colours is not None)
+            for name in _OWN:
+                row[name] = getattr(material, name)
+            row["cutoff"] = {"opaque": 2.0, "mask": material.cutoff, "blend": -1.0}[material.alpha]
+            row["has_colours"] = scene.colours is not None
+            row["colours_emit"] = scene.colours is not None and material.is_unlit
+            row["absorption"] = 0.0 if material.is_thin else material.absorption
     return rows, images.tables()
 
 
-def _physical(row: NDArray[np.float64], material: MetallicRoughness, has_colours: bool) -> None:
-    row[words.METALLIC], row[words.ROUGHNESS] = material.metallic, material.roughness
-    row[words.NORMAL_SCALE], row[words.TRANSMISSION] = material.normal_scale, material.transmission
-    row[words.OPACITY] = material.opacity
-    row[words.CUTOFF] = {"opaque": 2.0, "mask": material.cutoff, "blend": -1.0}[material.alpha]
-    row[words.HAS_COLOURS] = has_colours * (words.COLOURS_EMIT if material.is_unlit else 1)
-    row[words.BACKS] = material.is_double
-    row[words.SPECULAR], row[words.TINT : words.TINT + 3] = material.specular, material.specular_colour
-    row[words.COAT], row[words.COAT_ROUGHNESS] = material.coat, material.coat_roughness
-    row[words.ABSORPTION : words.ABSORPTION + 3] = 0.0 if material.is_thin else material.absorption
+_OWN = (
+    "metallic", "roughness", "normal_scale", "transmission", "opacity", "is_double", "is_thin", "specular",
+    "specular_colour", "coat", "coat_roughness",
+)  # fmt: skip
+"""Fields that `MetallicRoughness` has of its own, as they are."""
 
 
 class _Images:
     """Collects images; texels that several share are kept once."""
 
     def __init__(self) -> None:
-        self._rows: list[NDArray[np.float64]] = []
+        self._rows: list[tuple[Any, ...]] = []
         self._firsts: dict[int, int] = {}
         self._texels: tuple[list[NDArray[Any]], list[NDArray[Any]]] = [], []
 
@@ -185,18 +182,15 @@ class _Images:
         if first is None:
             first = self._firsts[id(image.texels)] = sum(map(len, kept))
             kept.append(_four_channels(image.texels))
-        row = np.zeros(words.TEXTURE_WORDS)
-        row[words.FIRST_TEXEL], row[words.TEXELS_Y], row[words.TEXELS_X] = first, *image.texels.shape[:2]
-        row[words.WRAP_X], row[words.WRAP_Y] = (WRAPS.index(wrap) for wrap in image.wrap)
-        row[words.CURVE] = image.is_coded if is_bytes else -1
-        row[words.NEAREST], row[words.UV] = image.is_nearest, image.second_uv
-        row[words.FACTOR : words.PLACEMENT], row[words.PLACEMENT :] = image.factor, np.ravel(image.placement)
-        self._rows.append(row)
+        curve, wraps = image.is_coded if is_bytes else -1, [WRAPS.index(wrap) for wrap in image.wrap]
+        rows, columns = image.texels.shape[:2]
+        of_uv = image.is_nearest, image.second_uv, image.factor, tuple(np.ravel(image.placement))
+        self._rows.append((first, columns, rows, *wraps, curve, *of_uv))
         return len(self._rows) - 1
 
     def tables(self) -> tuple[NDArray[Any], ...]:
         return (
-            np.array(self._rows).reshape(-1, words.TEXTURE_WORDS),
+            np.array(self._rows, IMAGE_ROW),
             np.concatenate([np.zeros((0, 4), np.float32), *self._texels[0]]),
             np.concatenate([np.zeros((0, 4), np.uint8), *self._texels[1]]),
             CURVES,

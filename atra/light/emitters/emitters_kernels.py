@@ -13,10 +13,9 @@ from atra.light.emitters.grid_kernels import LampGrid, cell_of, chosen_in
 from atra.light.emitters.sky_kernels import sky_colour, sky_density, sky_direction
 from atra.light.lights_kernels import ALMOST, KIND, SUN, to_lamp, to_sun
 from atra.light.numbers_kernels import ONE, TWO, ZERO, along, bits_of, dot, luminance, scaled, unit_of
-from atra.light.scattering.emission_kernels import emission_at
 from atra.light.scattering.sampler_kernels import CHOICE, PAIRS, PLACE, pair_of
 from atra.light.scattering.spots_kernels import BLACK, scattered_light
-from atra.light.surface_kernels import SKY_TURN, leaving, meet
+from atra.light.surface_kernels import SKY_TURN, emission_at, leaving, meet
 
 _S1, _S2, _S3, _S4 = (np.float32(step) for step in (0.8566749, 0.7338919, 0.6287067, 0.5385973))
 """Steps between candidates, which spread them evenly. Source: M. Roberts, "The unreasonable effectiveness of

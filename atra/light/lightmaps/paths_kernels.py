@@ -11,7 +11,7 @@ from atra.compiled.store import float_kernel, njit
 from atra.embree.packets_kernels import INFINITY
 from atra.light import numbers_kernels
 from atra.light.emitters.emitters_kernels import FROM_SKY, has_emitters
-from atra.light.emitters.harmonics_kernels import HARMONICS, harmonics_at
+from atra.light.emitters.sky_kernels import HARMONICS, harmonics_at
 from atra.light.lightmaps.charts.texels_kernels import corners_of, edges_of, point_at, slopes_of, weights_at
 from atra.light.numbers_kernels import ONE, ZERO, key_of, mixed, on_sphere, scaled
 from atra.light.pictures.following_kernels import aimed, follow, more
@@ -74,7 +74,7 @@ def sequence_key(number, seed):  # type: ignore[no-untyped-def]
 def _white(spot):  # type: ignore[no-untyped-def]
     """The same place of a surface that reflects all light equally to all sides."""
     kind, matter = np.int64(LAMBERTIAN), _white_matter()
-    return Spot(spot.point, spot.normal, spot.shaded, kind, spot.material, False, matter, NO_FRAME, UNSEEN)
+    return Spot(spot.point, spot.normal, spot.shaded, kind, spot.material, matter, NO_FRAME, UNSEEN)
 
 
 @njit(forceinline=True)
@@ -207,7 +207,7 @@ def light_probes(  # type: ignore[no-untyped-def]
         point = np.float64(place[0]), np.float64(place[1]), np.float64(place[2])
         key = sequence_key(probe, charts.seed)
         kind, material = np.int64(NOTHING), np.int64(0)
-        spot = Spot(point, nowhere, nowhere, kind, material, False, _white_matter(), NO_FRAME, UNSEEN)
+        spot = Spot(point, nowhere, nowhere, kind, material, _white_matter(), NO_FRAME, UNSEEN)
         for sample in range(samples):
             if is_aimed:
                 light, kind, towards, traced = aimed(

@@ -14,7 +14,7 @@ from atra.errors import AtraError, InputError
 from atra.files.paths import write_atomically
 from atra.light.batches import in_batches
 from atra.light.checks import checked_rows
-from atra.light.emitters.harmonics_kernels import HARMONICS, OF_COSINE, harmonics
+from atra.light.emitters.sky_kernels import HARMONICS, OF_COSINE, harmonics
 from atra.light.lightmaps.paths import AT_ONCE, Paths
 from atra.light.lightmaps.paths_kernels import CHANNELS, DIRECT, ENVIRONMENT, INDIRECT, light_probes
 from atra.rays.kernel_scene import KernelScene, Query

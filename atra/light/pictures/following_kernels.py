@@ -141,7 +141,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
         if flags & ENDS or bounce == limits.max_depth - 1:
             break
         spot, is_front = spot_of(surfaces, prim_id, origin, direction)
-        if not (is_front or spot.is_variant):
+        if not (is_front or spot.matter.is_thin):
             way = spot.point[0] - origin[0], spot.point[1] - origin[1], spot.point[2] - origin[2]
             left = passed_within(surfaces, spot.material, np.sqrt(dot(way, way)))
             weight = weight[0] * left[0], weight[1] * left[1], weight[2] * left[2]

@@ -17,26 +17,24 @@ from atra.compiled.memory import load, prefetch, store
 from atra.compiled.store import float_part, njit
 from atra.compiled.vectors import bits_of, splat, where
 from atra.embree.packets_kernels import MISS
-from atra.light.emitters.harmonics_kernels import reflected
-from atra.light.emitters.sky_kernels import sky_colour
+from atra.light.emitters.sky_kernels import reflected, sky_colour
 from atra.light.lights_kernels import KIND, SUN, to_lamp, to_sun
 from atra.light.numbers_kernels import ONE, ZERO, around, dot, key_of, on_sphere, scaled, unit, unit_of
 from atra.light.numbers_kernels import bits_of as random_bits
 from atra.light.pictures.path_kernels import FREE_ROWS, TILE, pixel_line, place_of, seen_by
 from atra.light.scattering.spots_kernels import BLACK
-from atra.light.scattering.texels_kernels import colours_at, packed_image, places_in
+from atra.light.scattering.texels_kernels import colours_at, places_in
 from atra.light.surface_kernels import (
     CONSTANT,
     GRADIENT,
-    HAS_COLOURS,
-    TEXTURE,
     colour_at_inlined,
     first_uv,
     leaving,
     material_of,
     meet,
-    plain_colour,
+    packed_image,
     shading_normal,
+    three,
     vertex_colour,
     weights_at,
 )
@@ -139,7 +137,7 @@ def _find_place(floats, i, prim_id, origin, direction, surfaces):  # type: ignor
         u, v = first_uv(surfaces, prim_id, weights_at(surfaces, prim_id, point))
     material = material_of(surfaces, prim_id)
     row = surfaces.materials[material]
-    colour, is_plain = plain_colour(surfaces, material), row[TEXTURE] == CONSTANT and row[HAS_COLOURS] == 0.0
+    colour, is_plain = three(row.colour), row.texture == CONSTANT and not row.has_colours
     set_vector(floats, ORIGIN, i, start)
     set_vector(floats, NORMAL, i, shaded)
     set_vector(floats, COLOUR, i, colour)
@@ -185,7 +183,7 @@ def _find_colour(floats, i, prim_id, surfaces):  # type: ignore[no-untyped-def]
     material, point = material_of(surfaces, prim_id), vector_of(floats, ORIGIN, i)
     s, t = floats[UV * STRIDE + i], floats[(UV + 1) * STRIDE + i]
     colour = colour_at_inlined(surfaces, material, prim_id, point, s, t)
-    if surfaces.materials[material, HAS_COLOURS] != 0.0:
+    if surfaces.materials[material].has_colours:
         tint = vertex_colour(surfaces, prim_id, weights_at(surfaces, prim_id, point))
         colour = colour[0] * tint[0], colour[1] * tint[1], colour[2] * tint[2]
     set_vector(floats, COLOUR, i, colour)

@@ -18,13 +18,13 @@ from atra.light.checks import check_whole
 from atra.light.emitters.panels import Panel, panels_of
 from atra.light.lights import Light, light_row
 from atra.light.lights_kernels import LIGHT_WORDS
+from atra.light.materials import shown_of
 from atra.light.pictures.film import Film
 from atra.light.pictures.gbuffer_kernels import Aim, new_chunk
 from atra.light.pictures.integrator import Integrator, check_length, unlike_but_for
 from atra.light.pictures.lighting_kernels import LIGHT_PLANES, SKY_PLANES, STAGES, lighting_kernel
 from atra.light.pictures.path_kernels import BLOCK, Pixels
 from atra.light.pictures.renderer import Primary, Renderer
-from atra.light.scattering.diffuse import shown_of
 from atra.light.scene import Scene
 from atra.light.tables import surfaces_of
 from atra.rays.kernel_scene import KernelScene, Query

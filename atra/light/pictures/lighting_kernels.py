@@ -34,9 +34,8 @@ from atra.light.pictures.gbuffer_kernels import (
     set_vector,
 )
 from atra.light.pictures.path_kernels import beyond_holes, passes_of, path_key, pixel_line, shadows
-from atra.light.scattering.emission_kernels import emitted
 from atra.light.scattering.spots_kernels import BLACK, WHITE
-from atra.light.surface_kernels import SHINES
+from atra.light.surface_kernels import SHINES, emitted
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, and of each light: r, g, b, and the unblocked share."""

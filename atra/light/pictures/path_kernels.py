@@ -23,10 +23,9 @@ from atra.embree.packets_kernels import (
 from atra.light.emitters.emitters_kernels import FROM_LAMP, found_share, found_sky_share
 from atra.light.emitters.sky_kernels import sky_colour
 from atra.light.numbers_kernels import ONE, ZERO, along, bits_of, dot, key_of, scaled, set_vector, unit_of, vector
-from atra.light.scattering.emission_kernels import emitted, opacity_at
 from atra.light.scattering.sampler_kernels import JITTER, LOBE, PAIRS, pair_of
 from atra.light.scattering.spots_kernels import BLACK, WHITE, straight_light
-from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, TRANSMISSION, VARIANT, material_of, meet
+from atra.light.surface_kernels import HOLES, ONE_SIDED, SOLID, emitted, material_of, meet, opacity_at
 
 BLOCK = 2048
 """Pixels of a wave are a multiple. Packets stay within a block, which starts at a multiple of BLOCK pixels; so a ray
@@ -201,7 +200,7 @@ def _straight(surfaces, prim_id, origin, direction, length, is_seen, is_lamp):  
     opacity = opacity_at(surfaces, prim_id, point, is_front, is_seen)
     light = ONE - opacity, ONE - opacity, ONE - opacity
     row = surfaces.materials[material_of(surfaces, prim_id)]
-    if opacity > ZERO and row[TRANSMISSION] > 0.0:
+    if opacity > ZERO and row.transmission > ZERO:
         light = along(light, opacity, straight_light(surfaces, prim_id, origin, direction, length, is_lamp))
     return light, opacity
 
@@ -219,7 +218,7 @@ def survival(weight, key, sample, bounce):  # type: ignore[no-untyped-def]
 def _is_solid(surfaces, prim_id):  # type: ignore[no-untyped-def]
     """Whether a triangle bounds a solid that light may pass, and is no thin wall."""
     row = surfaces.materials[material_of(surfaces, prim_id)]
-    return row[TRANSMISSION] > 0.0 and row[VARIANT] == 0.0
+    return row.transmission > ZERO and not row.is_thin
 
 
 FREE_LIGHT, FREE_LENGTH, FREE_KIND, FREE_SINCE = 0, 3, 4, 5

@@ -20,7 +20,7 @@ from atra.geometry.view import View
 from atra.hits import Hits
 from atra.light.batches import Laps
 from atra.light.checks import check_whole
-from atra.light.oidn import Denoiser
+from atra.light.oidn import denoiser
 from atra.light.pictures.files import check_picture_path, exr_of, shown_png
 from atra.light.pictures.film import Film, LensPixels, pixels_of
 from atra.light.pictures.finish.layers import Layers, Offset, layers_of
@@ -276,9 +276,9 @@ class Renderer(Lifetime):
 
         Raises InputError without samples, and without the package pyoidn.
         """
-        with self._lock, Denoiser(self.integrator.threads) as denoiser:
+        with self._lock, denoiser(self.integrator.threads) as filtered:
             image, seen = self.image, layers or self.layers()
-            return denoiser.picture(image, seen.albedo, seen.normals)
+            return filtered(color=image, albedo=seen.albedo, normal=seen.normals)
 
     def save(
         self, path: Path | str, *, exposure: float | str = 0.0, tone: str = "none", denoise: bool = False

@@ -24,8 +24,8 @@ from atra.geometry.view import View
 from atra.light.lights import Light, PointLight, SpotLight, Sun
 from atra.light.materials import Material
 from atra.light.reading.gltf_materials import EXTENSIONS, Materials
-from atra.light.reading.rows import sound_normals
 from atra.light.scene import ScenePart
+from atra.light.tables import sound_normals
 
 _KNOWN = EXTENSIONS | {
     DRACO, *MESHOPT, "KHR_lights_punctual", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing",

@@ -17,9 +17,8 @@ from atra.files.gltf.numbers import Numbers
 from atra.files.gltf.packed import BASIS
 from atra.files.gltf.tree import entry
 from atra.files.saving import check_package
-from atra.light.materials import MetallicRoughness
+from atra.light.materials import MetallicRoughness, without_images
 from atra.light.reading.images import read_image
-from atra.light.reading.rows import without_images
 from atra.light.textures import Image
 
 EXTENSIONS = {

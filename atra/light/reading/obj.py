@@ -13,9 +13,9 @@ from atra.files.folder import Folder, OutsideError
 from atra.files.formats.obj import read_obj_surface
 from atra.files.reading import Allowance, read_regular_file
 from atra.geometry.mesh import Mesh
-from atra.light.materials import MetallicRoughness
+from atra.light.materials import MetallicRoughness, without_images
 from atra.light.reading.images import read_image
-from atra.light.reading.rows import sound_normals, without_images
+from atra.light.tables import sound_normals
 from atra.light.textures import Image, linear_of_srgb
 
 _NORMALS = ("norm", "map_bump", "bump")

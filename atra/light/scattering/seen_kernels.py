@@ -55,7 +55,7 @@ def clear_light(matter, cosine):  # type: ignore[no-untyped-def]
     """(r, g, b) that passes a clear surface straight on, at a cosine with its normal; on both sides of solid glass that
     of the outside, as for a slab."""
     if matter.is_thin:
-        own = _own(matter, schlick(cosine))
+        own = _rising(matter.least, matter.most, schlick(cosine))
     else:
         own = scaled(fresnel(cosine, max(matter.ior, ONE / matter.ior)), (ONE, ONE, ONE))
     return scaled((ONE - matter.metallic) * matter.transmission, times(rest_of(own), matter.colour))
@@ -81,15 +81,8 @@ def rest_of(colour):  # type: ignore[no-untyped-def]
 
 
 @njit(forceinline=True)
-def _rising(least, rise):  # type: ignore[no-untyped-def]
-    """What is reflected of a colour that is `least` at a right angle and white where it is grazing."""
-    return along(least, rise, rest_of(least))
-
-
-@njit(forceinline=True)
-def _own(matter, rise):  # type: ignore[no-untyped-def]
-    """(r, g, b) that a microfacet of plastic reflects."""
-    least, most = matter.least, matter.most
+def _rising(least, most, rise):  # type: ignore[no-untyped-def]
+    """(r, g, b) that a microfacet reflects which reflects `least` at a right angle and `most` where it is grazing."""
     return least[0] + rise * (most - least[0]), least[1] + rise * (most - least[1]), least[2] + rise * (most - least[2])
 
 
@@ -98,8 +91,8 @@ def mirrored_by(matter, cosine):  # type: ignore[no-untyped-def]
     """((r, g, b), (r, g, b)): reflected by metal and plastic, by their shares, and by plastic alone, at a cosine with a
     microfacet's normal."""
     rise = schlick(cosine)
-    own = _own(matter, rise)
-    return along(scaled(shares_of(matter)[0], own), matter.metallic, _rising(matter.colour, rise)), own
+    own = _rising(matter.least, matter.most, rise)
+    return along(scaled(shares_of(matter)[0], own), matter.metallic, _rising(matter.colour, ONE, rise)), own
 
 
 @njit(error_model="numpy")
@@ -127,14 +120,6 @@ def let_through(matter, cosine, away, again):  # type: ignore[no-untyped-def]
     if matter.alpha < SMOOTH:
         return _let_through(matter, ONE, schlick(cosine), NO_LIGHT)
     return _let_through(matter, ONE - away, risen(matter.alpha, cosine), scaled(away, again))
-
-
-@njit(forceinline=True, error_model="numpy")
-def _through_mean(matter, mean, again):  # type: ignore[no-untyped-def]
-    """The mean of `let_through` over all directions, weighted by their cosine. mean: `lost_mean`."""
-    if matter.alpha < SMOOTH:
-        return _let_through(matter, ONE, _MEAN_RISE, NO_LIGHT)
-    return _let_through(matter, ONE - mean, risen_mean(matter.alpha), scaled(mean, again))
 
 
 @njit(error_model="numpy")
@@ -184,12 +169,16 @@ def seen_from(matter, out):  # type: ignore[no-untyped-def]
     away, mean, again, above, below, through, through_mean = ONE, ONE, NO_LIGHT, NO_LIGHT, NO_LIGHT, NO_LIGHT, NO_LIGHT
     if alpha >= SMOOTH:
         away, mean = lost(alpha, cosine), lost_mean(alpha)
-        again = _again(_own(matter, _MEAN_RISE), mean)
-        metal = _again(_rising(matter.colour, _MEAN_RISE), mean)
+        again = _again(_rising(matter.least, matter.most, _MEAN_RISE), mean)
+        metal = _again(_rising(matter.colour, ONE, _MEAN_RISE), mean)
         above = along(scaled(dielectric, again), matter.metallic, metal)
         below = scaled(passing, times(rest_of(again), matter.colour))
     if base > ZERO:
-        through, through_mean = let_through(matter, cosine, away, again), _through_mean(matter, mean, again)
+        through = let_through(matter, cosine, away, again)
+        if alpha >= SMOOTH:
+            through_mean = _let_through(matter, ONE - mean, risen_mean(alpha), scaled(mean, again))
+        else:
+            through_mean = _let_through(matter, ONE, _MEAN_RISE, NO_LIGHT)
     up, down = base * luminance(times(through, matter.colour)), ZERO
     mirrored, own = mirrored_by(matter, cosine)
     total = luminance(mirrored)

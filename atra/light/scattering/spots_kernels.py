@@ -8,29 +8,15 @@ import numpy as np
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import ONE, ZERO, along, around, dot, on_sphere, scaled, unit
-from atra.light.scattering.bending_kernels import on_side, passed_within, through_glass
-from atra.light.scattering.bumps_kernels import bump_of, bumped
+from atra.light.scattering.bending_kernels import bump_of, bumped, on_side, passed_within, through_glass
 from atra.light.scattering.coat_kernels import coated_clear_light, coated_direction, coated_value
 from atra.light.scattering.facets_kernels import fresnel
 from atra.light.scattering.sampler_kernels import DIRECTION, LOBE, PAIRS, pair_of
 from atra.light.scattering.seen_kernels import UNSEEN, Seen, is_clear_pane, passes_straight, seen_from, times
 from atra.light.surface_kernels import (
-    COAT,
-    COAT_ROUGHNESS,
-    HAS_COLOURS,
-    IMAGES,
-    KIND,
-    METALLIC,
-    NORMAL_SCALE,
     OF_METAL,
     OF_NORMALS,
     OF_TRANSMISSION,
-    PARAMETER,
-    ROUGHNESS,
-    SPECULAR,
-    TINT,
-    TRANSMISSION,
-    VARIANT,
     colour_of,
     first_uv,
     leaving,
@@ -38,14 +24,13 @@ from atra.light.surface_kernels import (
     meet,
     shading_normal,
     textured,
+    three,
     vertex_colour,
     weights_at,
 )
 
 LAMBERTIAN, METAL, DIELECTRIC, EMISSIVE, PHYSICAL, NOTHING = 0, 1, 2, 3, 4, 5
-"""Kinds of material; NOTHING: a point in the open. PARAMETER: a metal's fuzz, an index of refraction. VARIANT:
-Schlick's approximation (glass), no thickness (physical).
-"""
+"""Kinds of material; NOTHING: a point in the open. Their parameter: a metal's fuzz, an index of refraction."""
 
 BLACK = ZERO, ZERO, ZERO
 WHITE = ONE, ONE, ONE
@@ -54,7 +39,7 @@ _PER_PI, PER_SPHERE = np.float32(1.0 / np.pi), np.float32(0.25 / np.pi)
 
 
 class Matter(NamedTuple):
-    """The material at a point. All fields serve `MetallicRoughness`; others use `colour` and `ior`, their PARAMETER.
+    """The material at a point. All fields serve `MetallicRoughness`; others use `colour` and `ior`, their parameter.
 
     ior: of the far side over the near side. alpha: squared roughness. least, most: what a dielectric reflects at a
     right angle and where it is grazing. coat: share of the surface; coat_alpha: squared roughness of the coat.
@@ -82,7 +67,6 @@ class Spot(NamedTuple):
     shaded: tuple[np.float32, np.float32, np.float32]
     kind: np.int64
     material: np.int64
-    is_variant: bool
     matter: Matter
     frame: tuple[tuple[np.float32, np.float32, np.float32], tuple[np.float32, np.float32, np.float32]]
     seen: Seen
@@ -95,12 +79,12 @@ NO_FRAME = BLACK, BLACK
 def spot_of(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     """(`Spot`, is_front) where a ray meets a triangle."""
     point, normal, shaded, material, matter, is_front = _met(surfaces, prim_id, origin, direction)
-    kind = np.int64(surfaces.materials[material, KIND])
+    kind = surfaces.materials[material].kind
     frame, seen = NO_FRAME, UNSEEN
     if kind == PHYSICAL:
         frame = _frame(shaded)
         seen = seen_from(matter, _local(frame, shaded, scaled(-ONE, direction)))
-    return Spot(point, normal, shaded, kind, material, matter.is_thin, matter, frame, seen), is_front
+    return Spot(point, normal, shaded, kind, material, matter, frame, seen), is_front
 
 
 @njit(forceinline=True)
@@ -109,37 +93,33 @@ def _met(surfaces, prim_id, origin, direction):  # type: ignore[no-untyped-def]
     point, normal, is_front = meet(surfaces, prim_id, origin, direction)
     material = material_of(surfaces, prim_id)
     row = surfaces.materials[material]
-    kind = np.int64(row[KIND])
+    kind = row.kind
     shaded = shading_normal(surfaces, prim_id, point, normal, is_front, direction)
     colour = colour_of(surfaces, material, prim_id, point) if kind != DIELECTRIC else WHITE
-    metallic, roughness, transmission = (
-        np.float32(row[METALLIC]),
-        np.float32(row[ROUGHNESS]),
-        np.float32(row[TRANSMISSION]),
-    )
-    ior, is_variant = np.float32(row[PARAMETER]), row[VARIANT] != 0.0
+    metallic, roughness, transmission = row.metallic, row.roughness, row.transmission
+    ior, is_thin = row.parameter, row.is_thin
     if kind == PHYSICAL and len(surfaces.weights) > 0:
         weights = weights_at(surfaces, prim_id, point)
-        if row[HAS_COLOURS] != 0.0:
+        if row.has_colours:
             tint = vertex_colour(surfaces, prim_id, weights)
             colour = colour[0] * tint[0], colour[1] * tint[1], colour[2] * tint[2]
-        if row[IMAGES + OF_METAL] >= 0.0 or row[IMAGES + OF_NORMALS] >= 0.0 or row[IMAGES + OF_TRANSMISSION] >= 0.0:
+        if row.images[OF_METAL] >= 0 or row.images[OF_NORMALS] >= 0 or row.images[OF_TRANSMISSION] >= 0:
             s, t = first_uv(surfaces, prim_id, weights)
             texel = textured(surfaces, material, OF_METAL, prim_id, point, s, t)
             metallic, roughness = metallic * texel[2], roughness * texel[1]
             transmission *= textured(surfaces, material, OF_TRANSMISSION, prim_id, point, s, t)[0]
-            if row[IMAGES + OF_NORMALS] >= 0.0:
+            if row.images[OF_NORMALS] >= 0:
                 texel = textured(surfaces, material, OF_NORMALS, prim_id, point, s, t)
-                bump = bump_of(texel, np.float32(row[NORMAL_SCALE]))
+                bump = bump_of(texel, row.normal_scale)
                 shaded = bumped(surfaces, prim_id, shaded, bump, is_front, direction)
-    far = ONE / ior if kind == PHYSICAL and not (is_front or is_variant) else ior
+    far = ONE / ior if kind == PHYSICAL and not (is_front or is_thin) else ior
     bare = (ior - ONE) / (ior + ONE)
     bare *= bare
-    red, green, blue = np.float32(row[TINT]), np.float32(row[TINT + 1]), np.float32(row[TINT + 2])
-    most, coating = np.float32(row[SPECULAR]), np.float32(row[COAT_ROUGHNESS])
+    red, green, blue = three(row.specular_colour)
+    most, coating = row.specular, row.coat_roughness * row.coat_roughness
     least = scaled(most, (min(ONE, bare * red), min(ONE, bare * green), min(ONE, bare * blue)))
-    coat, coating = np.float32(row[COAT]), coating * coating
-    matter = Matter(colour, metallic, roughness * roughness, transmission, far, is_variant, least, most, coat, coating)
+    glass = transmission, far, is_thin
+    matter = Matter(colour, metallic, roughness * roughness, *glass, least, most, row.coat, coating)
     return point, normal, shaded, material, matter, is_front
 
 
@@ -148,7 +128,7 @@ def straight_light(surfaces, prim_id, origin, direction, length, is_lamp):  # ty
     """(r, g, b) that passes a surface straight on: through a clear pane; and that of lamps, which no bent ray finds,
     through clear glass of any form, less what that absorbs. length: of the way within a solid to its back."""
     _, _, shaded, material, matter, is_front = _met(surfaces, prim_id, origin, direction)
-    kind, cosine = np.int64(surfaces.materials[material, KIND]), -dot(direction, shaded)
+    kind, cosine = surfaces.materials[material].kind, -dot(direction, shaded)
     if kind == DIELECTRIC and is_lamp:
         return scaled(ONE - fresnel(cosine, max(matter.ior, ONE / matter.ior)), WHITE)
     if kind == PHYSICAL and (is_clear_pane(matter) or (is_lamp and not matter.is_thin and passes_straight(matter))):
@@ -203,7 +183,7 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
             density += coated_value(spot.matter, spot.seen, _local(frame, shaded, twin))[1]
         onward = onward if facing * side > ZERO else twin
     elif kind == DIELECTRIC:
-        onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, spot.is_variant, u)
+        onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, u)
         side = -ONE if passes else ONE
         onward = on_side(onward, normal, side)
     else:

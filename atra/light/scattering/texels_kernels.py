@@ -1,4 +1,4 @@
-"""The colours of images at eight points at once, bit for bit as `surface_kernels.colour_at` finds them one by one."""
+"""The colours of images at one place, and at eight places at once, equal to the bit."""
 
 from __future__ import annotations
 
@@ -13,29 +13,84 @@ from atra.compiled.memory import load_aligned
 from atra.compiled.store import njit
 from atra.compiled.vectors import VectorType, floor, larger, rounded, smaller, splat, where, widened
 from atra.light.numbers_kernels import ONE
-from atra.light.surface_kernels import (
-    CLAMP,
-    CURVE,
-    FACTOR,
-    FIRST_TEXEL,
-    HAS_COLOURS,
-    IMAGE,
-    IMAGES,
-    MIRROR,
-    NEAREST,
-    OF_COLOUR,
-    PLACEMENT,
-    REPEAT,
-    TEXELS_X,
-    TEXELS_Y,
-    TEXTURE,
-    UV,
-    WRAP_X,
-    WRAP_Y,
-)
+
+IMAGE_ROW = np.dtype(
+    [
+        ("first", "i8"), ("columns", "i8"), ("rows", "i8"), ("wrap_x", "i8"), ("wrap_y", "i8"), ("curve", "i8"),
+        ("is_nearest", "?"), ("second_uv", "?"), ("factor", "f4", 4), ("placement", "f8", 6),
+    ],
+    align=True,
+)  # fmt: skip
+"""An image for kernels. first: of its texels. curve: -1 for texels of float32; otherwise the row of `curves` for bytes.
+second_uv: whether by the vertices' second uv. factor: of four channels. placement: of the image's s and t by those of
+the vertices."""
+
+REPEAT, MIRROR, CLAMP = 0, 1, 2
+"""Values of wrap_x and wrap_y."""
 
 _LANES = 8
 _I32, _I64 = ir.IntType(32), ir.IntType(64)
+
+
+@njit(forceinline=True)
+def image_at(surfaces, number, s, t):  # type: ignore[no-untyped-def]
+    """Four channels, float32, of an image where uv is (s, t)."""
+    row = surfaces.textures[number]
+    place = row.placement
+    x = place[0] * s + place[1] * t + place[2]
+    y = place[3] * s + place[4] * t + place[5]
+    columns, rows = row.columns, row.rows
+    x, y = _wrapped_one(x, row.wrap_x) * columns - 0.5, _wrapped_one(1.0 - y, row.wrap_y) * rows - 0.5
+    if row.is_nearest:
+        x, y = np.floor(x + 0.5), np.floor(y + 0.5)
+    left, above = np.floor(x), np.floor(y)
+    fx, fy = np.float32(x - left), np.float32(y - above)
+    x0, x1 = _inside_one(np.int64(left), columns, row.wrap_x), _inside_one(np.int64(left) + 1, columns, row.wrap_x)
+    y0, y1 = _inside_one(np.int64(above), rows, row.wrap_y), _inside_one(np.int64(above) + 1, rows, row.wrap_y)
+    first, curve, factor = row.first, row.curve, row.factor
+    a, b = _texel(surfaces, curve, first + y0 * columns + x0), _texel(surfaces, curve, first + y0 * columns + x1)
+    c, d = _texel(surfaces, curve, first + y1 * columns + x0), _texel(surfaces, curve, first + y1 * columns + x1)
+    wa, wb, wc, wd = (ONE - fx) * (ONE - fy), fx * (ONE - fy), (ONE - fx) * fy, fx * fy
+    return (
+        factor[0] * (wa * a[0] + wb * b[0] + wc * c[0] + wd * d[0]),
+        factor[1] * (wa * a[1] + wb * b[1] + wc * c[1] + wd * d[1]),
+        factor[2] * (wa * a[2] + wb * b[2] + wc * c[2] + wd * d[2]),
+        factor[3] * (wa * a[3] + wb * b[3] + wc * c[3] + wd * d[3]),
+    )
+
+
+@njit(forceinline=True)
+def _texel(surfaces, curve, place):  # type: ignore[no-untyped-def]
+    """(r, g, b, opacity) float32 of a texel, in linear light."""
+    if curve < 0:
+        texels = surfaces.texels
+        return texels[place, 0], texels[place, 1], texels[place, 2], texels[place, 3]
+    coded, curves = surfaces.coded, surfaces.curves
+    return (
+        curves[curve, coded[place, 0]],
+        curves[curve, coded[place, 1]],
+        curves[curve, coded[place, 2]],
+        curves[0, coded[place, 3]],
+    )
+
+
+@njit(forceinline=True)
+def _wrapped_one(place, wrap):  # type: ignore[no-untyped-def]
+    """A place along an axis of an image -> one in [0, 1]."""
+    if wrap == CLAMP:
+        return min(1.0, max(0.0, place))
+    if wrap == MIRROR:
+        place = place - 2.0 * np.floor(0.5 * place)
+        return place if place <= 1.0 else 2.0 - place
+    return place - np.floor(place)
+
+
+@njit(forceinline=True)
+def _inside_one(place, count, wrap):  # type: ignore[no-untyped-def]
+    """The number of a texel that is at most one beyond an end."""
+    if wrap == REPEAT:
+        return place + count if place < 0 else place - count if place >= count else place
+    return min(count - 1, max(0, place))
 
 
 @intrinsic
@@ -66,25 +121,12 @@ def _linear(typingctx: Any, base: Any, curves: Any, places: Any) -> Any:
 
 
 @njit(forceinline=True)
-def packed_image(surfaces, material):  # type: ignore[no-untyped-def]
-    """The row of `textures` of a material whose colours `colours_at` finds: bytes, blended, by the vertices' first uv,
-    and vertices without colours; -1 = one by one."""
-    row = surfaces.materials[material]
-    if row[TEXTURE] == IMAGE and row[HAS_COLOURS] == 0.0:
-        number = np.int64(row[IMAGES + OF_COLOUR])
-        image = surfaces.textures[number]
-        if image[CURVE] >= 0.0 and image[NEAREST] == 0.0 and image[UV] == 0.0:
-            return number
-    return np.int64(-1)
-
-
-@njit(forceinline=True)
 def places_in(surfaces, image, s, t):  # type: ignore[no-untyped-def]
     """(x, y), two vectors of float64: places in an image, 0 ... 1 and y down, of eight uv. NaN stays NaN."""
     s, t, row = widened(s), widened(t), surfaces.textures[image]
-    x = _scaled(row[PLACEMENT], s) + _scaled(row[PLACEMENT + 1], t) + splat(row[PLACEMENT + 2], _LANES)
-    y = _scaled(row[PLACEMENT + 3], s) + _scaled(row[PLACEMENT + 4], t) + splat(row[PLACEMENT + 5], _LANES)
-    return _wrapped(x, row[WRAP_X]), _wrapped(splat(1.0, _LANES) - y, row[WRAP_Y])
+    x = _scaled(row.placement[0], s) + _scaled(row.placement[1], t) + splat(row.placement[2], _LANES)
+    y = _scaled(row.placement[3], s) + _scaled(row.placement[4], t) + splat(row.placement[5], _LANES)
+    return _wrapped(x, row.wrap_x), _wrapped(splat(1.0, _LANES) - y, row.wrap_y)
 
 
 @njit(forceinline=True)
@@ -93,15 +135,15 @@ def colours_at(surfaces, image, x, y):  # type: ignore[no-untyped-def]
     row = surfaces.textures[image]
     (x0, x1), (y0, y1), (fx, fy) = _around(row, x, y)
     base, curves = np.int64(surfaces.coded.ctypes.data), np.int64(surfaces.curves.ctypes.data)
-    curves += 4 * 256 * np.int64(row[CURVE])
+    curves += 4 * 256 * row.curve
     a, b = _linear(base, curves, y0 + x0), _linear(base, curves, y0 + x1)
     c, d = _linear(base, curves, y1 + x0), _linear(base, curves, y1 + x1)
     one = splat(ONE, _LANES)
     weights = (one - fx) * (one - fy), fx * (one - fy), (one - fx) * fy, fx * fy
     return (
-        _blended(row[FACTOR], weights, a[0], b[0], c[0], d[0]),
-        _blended(row[FACTOR + 1], weights, a[1], b[1], c[1], d[1]),
-        _blended(row[FACTOR + 2], weights, a[2], b[2], c[2], d[2]),
+        _blended(row.factor[0], weights, a[0], b[0], c[0], d[0]),
+        _blended(row.factor[1], weights, a[1], b[1], c[1], d[1]),
+        _blended(row.factor[2], weights, a[2], b[2], c[2], d[2]),
     )
 
 
@@ -109,13 +151,13 @@ def colours_at(surfaces, image, x, y):  # type: ignore[no-untyped-def]
 def _around(row, x, y):  # type: ignore[no-untyped-def]
     """The columns of the texels left and right, the numbers of the first texels of the rows above and below, and how
     far right and down between them (float32)."""
-    columns, half, whole = row[TEXELS_X], splat(0.5, _LANES), splat(1.0, _LANES)
-    x, y = _scaled(columns, x) - half, _scaled(row[TEXELS_Y], y) - half
+    columns, rows, half, whole = np.float64(row.columns), np.float64(row.rows), splat(0.5, _LANES), splat(1.0, _LANES)
+    x, y = _scaled(columns, x) - half, _scaled(rows, y) - half
     left, above = floor(x), floor(y)
     between = rounded(x - left), rounded(y - above)
-    x0, x1 = _inside(left, columns, row[WRAP_X]), _inside(left + whole, columns, row[WRAP_X])
-    y0, y1 = _inside(above, row[TEXELS_Y], row[WRAP_Y]), _inside(above + whole, row[TEXELS_Y], row[WRAP_Y])
-    first = splat(row[FIRST_TEXEL], _LANES)
+    x0, x1 = _inside(left, columns, row.wrap_x), _inside(left + whole, columns, row.wrap_x)
+    y0, y1 = _inside(above, rows, row.wrap_y), _inside(above + whole, rows, row.wrap_y)
+    first = splat(np.float64(row.first), _LANES)
     return (x0, x1), (first + _scaled(columns, y0), first + _scaled(columns, y1)), between
 
 
@@ -127,7 +169,7 @@ def _scaled(factor, vector):  # type: ignore[no-untyped-def]
 @njit(forceinline=True)
 def _blended(factor, weights, a, b, c, d):  # type: ignore[no-untyped-def]
     wa, wb, wc, wd = weights
-    return splat(np.float32(factor), _LANES) * (wa * a + wb * b + wc * c + wd * d)
+    return splat(factor, _LANES) * (wa * a + wb * b + wc * c + wd * d)
 
 
 @njit(forceinline=True)

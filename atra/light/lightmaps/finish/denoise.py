@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from atra.light.lightmaps.finish.seams import nearest_known
 from atra.light.lightmaps.maps import LIGHTS, Lightmap
 from atra.light.lightmaps.paths_kernels import LUMINANCE
-from atra.light.oidn import Denoiser
+from atra.light.oidn import denoiser
 
 FEWEST = 16
 """Charts with fewer texels are left as they are."""
@@ -35,14 +35,14 @@ def denoised(lightmap: Lightmap, threads: int | None = None) -> Lightmap:
     chart = lightmap.texels.chart[numbers]
     order = numbers[np.argsort(chart, kind="stable")]
     row, column = np.divmod(lightmap.texels.number, lightmap.texels.atlas.width)
-    with Denoiser(threads) as denoiser:
+    with denoiser(threads) as filtered:
         for of_chart in np.split(order, np.cumsum(np.bincount(chart))[:-1]):
             if len(of_chart) < FEWEST:
                 continue
             place = tuple(axis[of_chart] - axis[of_chart].min() for axis in (row, column))
             for light in values.values():
                 if light[of_chart].any():
-                    light[of_chart] = denoiser.lightmap(_filled(place, light[of_chart]))[place]
+                    light[of_chart] = filtered(color=_filled(place, light[of_chart]))[place]
             share = _share_of_noise(lightmap, of_chart, sum(light[of_chart] for light in values.values()))
             for name, light in values.items():
                 raw = lightmap.light(name)[of_chart]

@@ -13,7 +13,7 @@ from atra.hits import Hits
 from atra.light.lightmaps.charts.atlas import Atlas
 from atra.light.lightmaps.finish.views_kernels import look_into_sky, look_up
 from atra.light.lightmaps.priority import start_off
-from atra.light.scattering.diffuse import shown_of
+from atra.light.materials import shown_of
 from atra.light.scene import Scene
 from atra.light.surface_kernels import HOLES
 from atra.light.tables import surfaces_of

@@ -5,8 +5,7 @@ from __future__ import annotations
 from atra.compiled.store import float_kernel
 from atra.embree.packets_kernels import INFINITY
 from atra.light.emitters.sky_kernels import sky_colour
-from atra.light.scattering.emission_kernels import emission_at, opacity_at
-from atra.light.surface_kernels import HAS_COLOURS, colour_of, material_of, vertex_colour, weights_at
+from atra.light.surface_kernels import colour_of, emission_at, material_of, opacity_at, vertex_colour, weights_at
 
 
 @float_kernel
@@ -19,7 +18,7 @@ def look_up(surfaces, prim_id, points, albedo, emission, opacity):  # type: igno
             continue
         material = material_of(surfaces, face)
         albedo[i, 0], albedo[i, 1], albedo[i, 2] = colour_of(surfaces, material, face, point)
-        if surfaces.materials[material, HAS_COLOURS] != 0.0:
+        if surfaces.materials[material].has_colours:
             tint = vertex_colour(surfaces, face, weights_at(surfaces, face, point))
             for channel in range(3):
                 albedo[i, channel] *= tint[channel]

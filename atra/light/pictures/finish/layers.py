@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.light.batches import in_batches
+from atra.light.materials import plain_of
 from atra.light.pictures.film import Film
 from atra.light.pictures.gbuffer_kernels import new_chunk
 from atra.light.pictures.lighting_kernels import LAYER_PLANES, layers_kernel
 from atra.light.pictures.path_kernels import BLOCK, Pixels
-from atra.light.scattering.diffuse import plain_of
 from atra.light.scene import Scene
 from atra.light.sky import constant_sky
 from atra.light.tables import surfaces_of
