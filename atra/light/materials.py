@@ -12,6 +12,7 @@ from atra.light.scattering.seen_kernels import LEAST_BEND, SMOOTH
 from atra.light.scattering.spots_kernels import DIELECTRIC, EMISSIVE, LAMBERTIAN, METAL, PHYSICAL
 from atra.light.textures import Checker, Image, Texture
 
+FRESNEL = ("exact", "schlick")
 ALPHA = ("opaque", "mask", "blend")
 IMAGE_FIELDS = ("colour", "metallic_roughness", "normals", "emission_image", "transmission_image")
 """Fields of `MetallicRoughness` that may be images."""
@@ -77,14 +78,16 @@ class Metal(Material):
 class Dielectric(Material):
     """Clear glass that reflects and refracts; triangles are counterclockwise seen from outside.
 
-    ior: index of refraction, inside over outside.
+    ior: index of refraction, inside over outside. fresnel: "exact", or "schlick" for Schlick's approximation.
     """
 
     kind = DIELECTRIC
     ior: float = 1.5
+    fresnel: str = "exact"
 
     def __post_init__(self) -> None:
         check_fields(self, ior=(0.0, 1e3, True))
+        check_choice("fresnel of Dielectric", self.fresnel, FRESNEL)
 
     @property
     def clear_share(self) -> float:

@@ -21,17 +21,18 @@ CONSTANT, CHECKER, IMAGE = 0, 1, 2
 MATERIAL_ROW = np.dtype(
     [
         ("kind", "i8"), ("texture", "i8"), ("scale", "f8"), ("colour", "f4", 3), ("second", "f4", 3),
-        ("parameter", "f4"), ("is_thin", "?"), ("images", "i8", 5), ("emission", "f4", 3), ("metallic", "f4"),
-        ("roughness", "f4"), ("normal_scale", "f4"), ("transmission", "f4"), ("opacity", "f4"), ("cutoff", "f8"),
-        ("has_colours", "?"), ("colours_emit", "?"), ("is_double", "?"), ("specular", "f4"),
+        ("parameter", "f4"), ("is_schlick", "?"), ("is_thin", "?"), ("images", "i8", 5), ("emission", "f4", 3),
+        ("metallic", "f4"), ("roughness", "f4"), ("normal_scale", "f4"), ("transmission", "f4"), ("opacity", "f4"),
+        ("cutoff", "f8"), ("has_colours", "?"), ("colours_emit", "?"), ("is_double", "?"), ("specular", "f4"),
         ("specular_colour", "f4", 3), ("coat", "f4"), ("coat_roughness", "f4"), ("absorption", "f8", 3),
     ],
     align=True,
 )  # fmt: skip
 """A material for kernels; fields of `MetallicRoughness` have its names. kind: see `scattering.spots_kernels`, also for
-parameter. texture: of the colour; second, scale: of a checker. images: rows of `textures`, of
-`Material.images`, -1 = none. cutoff: of a mask; below 0, opacity is a share of light; above 1, all is opaque.
-has_colours: of vertices; colours_emit: emission is times these, too. is_double: whether the eye sees its backs."""
+parameter. is_schlick: as `Dielectric.fresnel` says. texture: of the colour; second, scale: of a checker. images: rows
+of `textures`, of `Material.images`, -1 = none. cutoff: of a mask; below 0, opacity is a share of light; above 1, all
+is opaque. has_colours: of vertices; colours_emit: emission is times these, too. is_double: whether the eye sees its
+backs."""
 
 OF_COLOUR, OF_METAL, OF_NORMALS, OF_EMISSION, OF_TRANSMISSION = 0, 1, 2, 3, 4
 

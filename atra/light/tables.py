@@ -139,6 +139,7 @@ def _materials(scene: Scene) -> tuple[NDArray[np.void], tuple[NDArray[Any], ...]
     rows["cutoff"], rows["opacity"], rows["is_double"] = 2.0, 1.0, True
     for row, material in zip(rows, scene.materials, strict=True):
         row["kind"], row["parameter"] = material.kind, getattr(material, "ior", getattr(material, "fuzz", 0.0))
+        row["is_schlick"] = getattr(material, "fresnel", "") == "schlick"
         row["transmission"], row["emission"] = material.clear_share > 0.0, material.emission
         colour = material.colour
         if isinstance(colour, Checker):

@@ -68,7 +68,7 @@ def material_of(mi: Any, material: Material) -> Any:
         case Metal(fuzz=0.0, colour=tuple()):
             conductor = {"type": "conductor", "material": "none", "specular_reflectance": _rgb(material.colour)}
             return {"type": "twosided", "bsdf": conductor}
-        case Dielectric():
+        case Dielectric(fresnel="exact"):
             return {"type": "dielectric", "int_ior": material.ior, "ext_ior": 1.0}
         case MetallicRoughness(metallic=1.0, colour=(1.0, 1.0, 1.0), metallic_roughness=None, normals=None):
             conductor = {"type": "roughconductor", "material": "none", "distribution": "ggx"}

@@ -7,6 +7,7 @@ import numpy as np
 
 from atra.compiled.store import njit
 from atra.light.numbers_kernels import ONE, TWO, ZERO, along, cross, dot, scaled, unit
+from atra.light.scattering.lost_kernels import schlick
 from atra.light.surface_kernels import three
 
 
@@ -57,10 +58,10 @@ def on_side(direction, normal, wanted):  # type: ignore[no-untyped-def]
 
 
 @njit(error_model="numpy")
-def through_glass(direction, normal, is_front, ior, chance):  # type: ignore[no-untyped-def]
+def through_glass(direction, normal, is_front, ior, is_schlick, chance):  # type: ignore[no-untyped-def]
     """(direction, passes): refracted, or reflected with the probability of Fresnel's equations.
 
-    Source: Fresnel's equations for unpolarised light.
+    Source: Fresnel's equations for unpolarised light; C. Schlick, "An inexpensive BRDF model", 1994.
     """
     ratio = ONE / ior if is_front else ior
     cosine = min(ONE, -dot(direction, normal))
@@ -69,9 +70,15 @@ def through_glass(direction, normal, is_front, ior, chance):  # type: ignore[no-
     if inside <= ZERO:
         return mirrored, False
     refracted_cosine = np.sqrt(inside)
-    across = (ratio * cosine - refracted_cosine) / (ratio * cosine + refracted_cosine)
-    within = (cosine - ratio * refracted_cosine) / (cosine + ratio * refracted_cosine)
-    if chance < (across * across + within * within) / TWO:
+    if is_schlick:
+        least = (ONE - ior) / (ONE + ior)
+        least *= least
+        reflectance = least + (ONE - least) * schlick(cosine)
+    else:
+        across = (ratio * cosine - refracted_cosine) / (ratio * cosine + refracted_cosine)
+        within = (cosine - ratio * refracted_cosine) / (cosine + ratio * refracted_cosine)
+        reflectance = (across * across + within * within) / TWO
+    if chance < reflectance:
         return mirrored, False
     return unit(along(scaled(ratio, direction), ratio * cosine - refracted_cosine, normal)), True
 

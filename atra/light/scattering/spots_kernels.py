@@ -183,7 +183,8 @@ def scatter(surfaces, spot, is_front, prim_id, direction, key, sample, bounce): 
             density += coated_value(spot.matter, spot.seen, _local(frame, shaded, twin))[1]
         onward = onward if facing * side > ZERO else twin
     elif kind == DIELECTRIC:
-        onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, u)
+        is_schlick = surfaces.materials[spot.material].is_schlick
+        onward, passes = through_glass(direction, shaded, is_front, spot.matter.ior, is_schlick, u)
         side = -ONE if passes else ONE
         onward = on_side(onward, normal, side)
     else:

@@ -17,7 +17,7 @@ AT_BALL = atra.Camera((0, 0, 4), (0, 0, 0), fov_y_degrees=40, width=16, height=1
 
 
 CLEAR = [
-    light.Lambertian(1.0), light.Metal(1.0), light.Dielectric(1.5),
+    light.Lambertian(1.0), light.Metal(1.0), light.Dielectric(1.5), light.Dielectric(1.5, "schlick"),
     light.Dielectric(0.7), light.MetallicRoughness(roughness=0.0, transmission=1.0),
 ]  # fmt: skip
 
@@ -64,7 +64,10 @@ def test_two_mirrors_in_a_row_multiply():
     np.testing.assert_allclose(image, np.broadcast_to([0.125, 0.5, 0.75], (4, 4, 3)))
 
 
-def reflectance(cosine, ior):
+def reflectance(cosine, ior, fresnel="exact"):
+    if fresnel == "schlick":
+        least = ((1 - ior) / (1 + ior)) ** 2
+        return least + (1 - least) * (1 - cosine) ** 5
     inner = np.sqrt(1 - (1 - cosine**2) / ior**2)
     across, within = (cosine - ior * inner) / (cosine + ior * inner), (ior * cosine - inner) / (ior * cosine + inner)
     return (across**2 + within**2) / 2
@@ -83,14 +86,15 @@ def test_a_slab_of_glass_passes_what_fresnel_s_equations_leave(degrees):
     assert error < 0.01
 
 
-def test_one_surface_of_glass_mirrors_what_fresnel_says():
+@pytest.mark.parametrize("fresnel", ["exact", "schlick"])
+def test_one_surface_of_glass_mirrors_what_fresnel_or_schlick_says(fresnel):
     # From above, what is mirrored sees the lamp, and what passes falls into the dark.
-    scene = rectangles((floor(), light.Dielectric(1.5)), (floor(200, 30.0)[::-1], light.Emissive()))
+    scene = rectangles((floor(), light.Dielectric(1.5, fresnel)), (floor(200, 30.0)[::-1], light.Emissive()))
     for degrees in (0.0, 70.0):
         tilt = np.radians(degrees)
         camera = atra.OrthographicCamera((0, 1, 0), (np.tan(tilt), 0, 0), (0, 0, -1), 0.2, 8, 8)
         image = traced(scene, camera, 400, bounces=1)[..., 0]
-        expected = reflectance(np.cos(tilt), 1.5)
+        expected = reflectance(np.cos(tilt), 1.5, fresnel)
         assert abs(image.mean() - expected) < 4 * np.sqrt(expected / image.size / 400)
 
 

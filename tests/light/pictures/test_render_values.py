@@ -26,6 +26,7 @@ WRONG = [
     (lambda: light.Lambertian((0.5, 1.1, 0.5)), "colour of Lambertian is 1.1, expected .* at most 1"),
     (lambda: light.Lambertian("red"), "colour of Lambertian is 'red', expected three numbers"),
     (lambda: light.Metal(0.5, 1.5), "fuzz of Metal is 1.5"),
+    (lambda: light.Dielectric(1.5, "none"), "fresnel of Dielectric is 'none'"),
     (lambda: light.Dielectric(0.0), "ior of Dielectric is 0.0, expected a finite number above 0"),
     (lambda: light.Emissive((1, -1, 0)), "colour of Emissive is -1"),
     (lambda: light.Checker((1, 1, 1), (0, 0, 0), 0.0), "scale of Checker is 0.0"),
