@@ -8,17 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from atra.compiled.store import float_kernel, njit
-from atra.embree.packets_kernels import INFINITY, MISS, START
+from atra.embree.packets_kernels import INFINITY, MISS, START, hit_distance, hit_prim_id, intersect, set_no_hit
 from atra.geometry.view import View
 from atra.light.emitters.emitters_kernels import aim, has_emitters
 from atra.light.numbers_kernels import ONE, ZERO, along, circle, dot, scaled, unit, vector
 from atra.light.pictures.path_kernels import (
     FREE_KIND,
     FREE_LIGHT,
+    add_light,
     arriving,
-    beyond_holes,
+    behind,
     load_ray,
-    nearest,
+    passed,
     passes_of,
     path_key,
     pixel_line,
@@ -109,7 +110,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
     key, sample = random
     start, is_aimed = bounce, has_emitters(emitters)
     emitted, sky, later, seen_through, weight = BLACK, BLACK, BLACK, BLACK, WHITE
-    first, is_back = INFINITY, False
+    near, first, is_back, before = START, INFINITY, False, MISS
     rays = passes = 0
     while True:
         if known >= 0:
@@ -117,16 +118,23 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             known = np.int64(-1)
         else:
             rays += 1
-            prim_id, distance = nearest(1, scene, packet, origin, direction, START)
+            load_ray(packet, 1, 0, origin, direction, INFINITY, near)
+            packet.valid[0] = -1
+            set_no_hit(packet, 1, 0)
+            intersect(1, packet.valid, scene, packet)
+            prim_id, distance = hit_prim_id(packet, 1, 0), hit_distance(packet, 1, 0)
+            if prim_id == before and prim_id != MISS:
+                near = behind(distance)
+                continue
         flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
         if flags & passes_of(bounce):
-            prim_id, distance, weight, traced, holes = beyond_holes(
-                1, surfaces, scene, packet, prim_id, distance, origin, direction, weight, bounce,
-                (key, sample, passes + bounce),
-            )  # fmt: skip
-            rays += traced
-            passes += holes
-            flags = surfaces.flags[prim_id] if prim_id != MISS else ENDS | SHINES
+            goes_on, weight = passed(
+                surfaces, prim_id, origin, direction, weight, bounce == 0, (key, sample, passes + bounce)
+            )
+            if goes_on:
+                near, before = behind(distance), prim_id
+                passes += 1
+                continue
         if bounce == start and start > 0:
             first = distance
             is_back = prim_id != MISS and not meet(surfaces, prim_id, origin, direction)[2]
@@ -162,6 +170,7 @@ def follow(surfaces, emitters, scene, packet, free, known, origin, direction, de
             if share == ZERO:
                 break
             weight = scaled(share, weight)
+        near, before = START, MISS
         bounce += 1
     return Found(emitted, sky, later, seen_through, first, is_back, rays)
 
@@ -218,7 +227,5 @@ def follow_depth_first(first, count, pixels, scene, packet, surfaces, emitters, 
             sums[ALPHA, pixel] += ONE - dot(found.seen_through, _THIRDS)
         else:
             light = more(light, WHITE, found.sky)
-        for channel in range(3):
-            sums[channel, pixel] += light[channel]
-            is_finite &= light[channel] < INFINITY
+        is_finite &= add_light(sums, pixel, WHITE, light)
     return rays if is_finite else -1

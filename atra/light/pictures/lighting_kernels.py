@@ -12,8 +12,18 @@ from atra.compiled.memory import load, store, stream
 from atra.compiled.store import float_kernel, float_part, njit
 from atra.compiled.vectors import bits_of, splat, where
 from atra.embree.layout import FLAG_COHERENT, RAY_DIR_X, RAY_ORG_X, RAY_TFAR, RAY_TNEAR
-from atra.embree.packets_kernels import MISS, SMALLEST_COMPONENT, START, occluded
-from atra.light.numbers_kernels import ONE, ZERO, dot, unit
+from atra.embree.packets_kernels import (
+    INFINITY,
+    MISS,
+    SMALLEST_COMPONENT,
+    START,
+    hit_distance,
+    hit_prim_id,
+    intersect,
+    occluded,
+    set_no_hit,
+)
+from atra.light.numbers_kernels import ONE, ZERO, unit
 from atra.light.pictures.gbuffer_kernels import (
     CHUNK,
     COLOUR,
@@ -32,10 +42,11 @@ from atra.light.pictures.gbuffer_kernels import (
     find_surfaces,
     find_triangles,
     set_vector,
+    vector_of,
 )
-from atra.light.pictures.path_kernels import beyond_holes, passes_of, path_key, pixel_line, shadows
-from atra.light.scattering.spots_kernels import BLACK, WHITE
-from atra.light.surface_kernels import SHINES, emitted
+from atra.light.pictures.path_kernels import behind, load_ray, passed, passes_of, path_key, pixel_line, shadows
+from atra.light.scattering.spots_kernels import WHITE
+from atra.light.surface_kernels import SHINES, emission_at
 
 SKY_PLANES = LIGHT_PLANES = 4
 """Sums of the sky, and of each light: r, g, b, and the unblocked share."""
@@ -95,16 +106,27 @@ def _occlude(width, chunk, count, surfaces, scene, packet):  # type: ignore[no-u
 def look_through(width, chunk, first, count, pixels, surfaces, scene, packet):  # type: ignore[no-untyped-def]
     """Put what `count` pixels from number `first` on see behind triangles that the eye may look through into the
     chunk. Returns the number of rays, traced by packets of `width`."""
-    rays = 0
+    rays, eye = 0, passes_of(0)
     for i in range(count):
         prim_id = chunk.prim_id[i]
-        if chunk.floats[SEEN * STRIDE + i] == ZERO or not surfaces.flags[prim_id] & passes_of(0):
+        if chunk.floats[SEEN * STRIDE + i] == ZERO or not surfaces.flags[prim_id] & eye:
             continue
         origin, direction = pixel_line(pixels, first + i)
-        prim_id, _, _, _, passes = beyond_holes(
-            width, surfaces, scene, packet, prim_id, START, origin, unit(direction), WHITE, 0,
-            (path_key(first + i), pixels.sample, 0),
-        )  # fmt: skip
+        direction, distance, passes = unit(direction), START, 0
+        while prim_id != MISS and surfaces.flags[prim_id] & eye:
+            random = path_key(first + i), pixels.sample, passes
+            goes_on, _ = passed(surfaces, prim_id, origin, direction, WHITE, True, random)
+            if not goes_on:
+                break
+            before = prim_id
+            while prim_id == before and prim_id != MISS:
+                for lane in range(width):
+                    packet.valid[lane] = -1 if lane == 0 else 0
+                load_ray(packet, width, 0, origin, direction, INFINITY, behind(distance))
+                set_no_hit(packet, width, 0)
+                intersect(width, packet.valid, scene, packet)
+                prim_id, distance = hit_prim_id(packet, width, 0), hit_distance(packet, width, 0)
+            passes += 1
         rays += passes
         chunk.floats[SEEN * STRIDE + i] = ZERO if prim_id == MISS else ONE
         chunk.prim_id[i] = np.uint32(0) if prim_id == MISS else prim_id
@@ -146,16 +168,24 @@ def _add_light(floats, first, count, row, share, sums, is_first):  # type: ignor
 
 
 @float_part
-def _find_emission(chunk, first, count, pixels, surfaces):  # type: ignore[no-untyped-def]
+def _find_emission(chunk, count, surfaces):  # type: ignore[no-untyped-def]
     """Replace SKY by what surfaces emit to the eye, and LIGHT by 1 where they do, else 0."""
     floats = chunk.floats
     for i in range(count):
-        prim_id, light = np.int64(chunk.prim_id[i]), BLACK
-        if floats[SEEN * STRIDE + i] != ZERO and surfaces.flags[prim_id] & SHINES != 0:
-            origin, direction = pixel_line(pixels, first + i)
-            light = emitted(surfaces, prim_id, origin, direction)
-        set_vector(floats, SKY, i, light)
-        floats[LIGHT * STRIDE + i] = ONE if dot(light, WHITE) > ZERO else ZERO
+        prim_id = np.int64(chunk.prim_id[i])
+        shines = floats[SEEN * STRIDE + i] != ZERO and surfaces.flags[prim_id] & SHINES != 0
+        floats[LIGHT * STRIDE + i] = ONE if shines and _is_front(floats, i, prim_id, surfaces) else ZERO
+        if floats[LIGHT * STRIDE + i] != ZERO:
+            set_vector(floats, SKY, i, emission_at(surfaces, prim_id, vector_of(floats, ORIGIN, i)))
+
+
+@njit(forceinline=True)
+def _is_front(floats, i, prim_id, surfaces):  # type: ignore[no-untyped-def]
+    """Whether a pixel sees a triangle's front; normals face the eye."""
+    records, ahead = surfaces.records, 0.0
+    for axis in range(3):
+        ahead += records[prim_id, axis] * floats[(NORMAL + axis) * STRIDE + i]
+    return ahead > 0.0
 
 
 @njit(forceinline=True)
@@ -218,7 +248,7 @@ def lighting_kernel(width: int) -> Callable[..., int]:
                 is_finite &= _add_light(floats, start, some, SKY, share, sums, is_first and point == 0)
                 clock = _lap(times, _ACCUMULATE, clock)
             if len(sums) > SKY_PLANES + LIGHT_PLANES * len(lights):
-                _find_emission(chunk, start, some, pixels, surfaces)
+                _find_emission(chunk, some, surfaces)
                 own = sums[SKY_PLANES + LIGHT_PLANES * len(lights) :]
                 is_finite &= _add_light(floats, start, some, SKY, ONE, own, is_first)
                 clock = _lap(times, _ACCUMULATE, clock)

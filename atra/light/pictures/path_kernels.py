@@ -84,24 +84,31 @@ def pixel_line(pixels, pixel):  # type: ignore[no-untyped-def]
     """(origin, direction), float32, of a pixel's ray; the direction is not normalised."""
     column, row = place_of(pixels, pixel)
     x, y = np.float64(column), np.float64(row)
+    if pixels.directions.shape[1] > 0:
+        origin, _ = line_at(pixels.lines, x, y)
+        ways = pixels.directions
+        return origin, (ways[0, row, column], ways[1, row, column], ways[2, row, column])
     if pixels.jittered:
-        across, down = pair_of(path_key(pixel), pixels.sample, JITTER)
+        across, down = pair_of(key_of(pixel, _SEED), pixels.sample, JITTER)
         x += across
         y += down
-    if pixels.directions.shape[1] > 0:
-        ways = pixels.directions
-        return _line_at(pixels.lines, 0, x, y), (ways[0, row, column], ways[1, row, column], ways[2, row, column])
-    return _line_at(pixels.lines, 0, x, y), _line_at(pixels.lines, 1, x, y)
+    return line_at(pixels.lines, x, y)
 
 
 @njit(forceinline=True)
-def _line_at(lines, which, x, y):  # type: ignore[no-untyped-def]
-    """(x, y, z), float32: the origin, if `which` is 0, or the direction of the ray at a float64 position."""
-    return (
-        np.float32(lines[which, 0] + x * lines[which + 2, 0] + y * lines[which + 4, 0]),
-        np.float32(lines[which, 1] + x * lines[which + 2, 1] + y * lines[which + 4, 1]),
-        np.float32(lines[which, 2] + x * lines[which + 2, 2] + y * lines[which + 4, 2]),
+def line_at(lines, x, y):  # type: ignore[no-untyped-def]
+    """As `pixel_line`, at a float64 position."""
+    origin = (
+        np.float32(lines[0, 0] + x * lines[2, 0] + y * lines[4, 0]),
+        np.float32(lines[0, 1] + x * lines[2, 1] + y * lines[4, 1]),
+        np.float32(lines[0, 2] + x * lines[2, 2] + y * lines[4, 2]),
     )
+    direction = (
+        np.float32(lines[1, 0] + x * lines[3, 0] + y * lines[5, 0]),
+        np.float32(lines[1, 1] + x * lines[3, 1] + y * lines[5, 1]),
+        np.float32(lines[1, 2] + x * lines[3, 2] + y * lines[5, 2]),
+    )
+    return origin, direction
 
 
 @njit(forceinline=True)
@@ -120,14 +127,12 @@ def load_ray(packet, width, lane, origin, direction, length, near=START):  # typ
 
 
 @njit(forceinline=True)
-def nearest(width, scene, packet, origin, direction, near):  # type: ignore[no-untyped-def]
-    """(prim_id, distance) of what one ray meets first, as the first lane of a packet of `width`."""
-    for lane in range(width):
-        packet.valid[lane] = -1 if lane == 0 else 0
-    load_ray(packet, width, 0, origin, direction, INFINITY, near)
-    set_no_hit(packet, width, 0)
-    intersect(width, packet.valid, scene, packet)
-    return hit_prim_id(packet, width, 0), hit_distance(packet, width, 0)
+def add_light(sums, pixel, weight, light):  # type: ignore[no-untyped-def]
+    """Add weighted light to a pixel's sums; returns whether it was finite."""
+    arrived = weight[0] * light[0], weight[1] * light[1], weight[2] * light[2]
+    for channel in range(3):
+        sums[channel, pixel] += arrived[channel]
+    return arrived[0] < INFINITY and arrived[1] < INFINITY and arrived[2] < INFINITY
 
 
 @njit
@@ -167,28 +172,6 @@ def behind(distance):  # type: ignore[no-untyped-def]
     """Where a ray goes on that has passed what it met at a distance, exact to one or two steps of float32: what stands
     close behind is met."""
     return distance * _BEYOND
-
-
-@njit
-def beyond_holes(width, surfaces, scene, packet, prim_id, distance, origin, direction, weight, bounce, random):  # type: ignore[no-untyped-def]
-    """(prim_id, distance, weight, rays, passes): what a ray meets that has met a triangle at a distance and goes on
-    through all that light may pass, by chance; the numbers of rays traced and of triangles passed.
-
-    bounce: as of `passes_of`. random: (key, sample, number of surfaces met before). packet: of `width`.
-    """
-    key, sample, number = random
-    rays = passes = 0
-    while prim_id != MISS and surfaces.flags[prim_id] & passes_of(bounce):
-        random = key, sample, number + passes
-        goes_on, weight = passed(surfaces, prim_id, origin, direction, weight, bounce == 0, random)
-        if not goes_on:
-            break
-        passes += 1
-        before = prim_id
-        while prim_id == before and prim_id != MISS:
-            rays += 1
-            prim_id, distance = nearest(width, scene, packet, origin, direction, behind(distance))
-    return prim_id, distance, weight, rays, passes
 
 
 @njit
@@ -262,8 +245,7 @@ def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-de
                 if prim_id == packet.ids[RAY_ID * width + lane]:
                     pass
                 elif surfaces.flags[prim_id] & (HOLES | SOLID if is_lamp else HOLES):
-                    origin = _of_lane(packet, width, RAY_ORG_X, lane)
-                    direction = _of_lane(packet, width, RAY_DIR_X, lane)
+                    origin, direction = _ray_of(packet, width, lane)
                     length = distance - free[FREE_SINCE, lane]
                     light, _ = _straight(surfaces, prim_id, origin, direction, length, False, is_lamp)
                     if is_lamp and _is_solid(surfaces, prim_id):
@@ -280,7 +262,18 @@ def shadows(width, surfaces, scene, packet, free):  # type: ignore[no-untyped-de
 
 
 @njit(forceinline=True)
-def _of_lane(packet, width, row, lane):  # type: ignore[no-untyped-def]
-    """Three numbers of a ray in a packet, from a row and the next two."""
+def _ray_of(packet, width, lane):  # type: ignore[no-untyped-def]
+    """(origin, direction) of a ray in a packet."""
     floats = packet.floats
-    return floats[row * width + lane], floats[(row + 1) * width + lane], floats[(row + 2) * width + lane]
+    return (
+        (
+            floats[RAY_ORG_X * width + lane],
+            floats[(RAY_ORG_X + 1) * width + lane],
+            floats[(RAY_ORG_X + 2) * width + lane],
+        ),
+        (
+            floats[RAY_DIR_X * width + lane],
+            floats[(RAY_DIR_X + 1) * width + lane],
+            floats[(RAY_DIR_X + 2) * width + lane],
+        ),
+    )
