@@ -14,7 +14,7 @@ FIGURE5 = [
     f"{name}_{rays}" for name in ("figure5", "figure5_speedup") for rays in ("single_rays", f"packets_of_{WIDEST}")
 ]
 OVER_SPLITS = {"figure4", "figure4_speedup", *FIGURE5, "figure5_vertical", "figure5_vertical_speedup"}
-OTHER_PICTURES = ("split", "still", "mitsuba")
+OTHER_PICTURES = ("split", "still")
 NEEDLESS = ("others", "aligned_others", "solid", "solid_others", "solid_aligned")  # as all reductions are asked for
 IN_PROCESS = ("occupancy", "dark", "expansion", "roulette", "environment", "translucency")
 # An image of 32 pixels takes no split of 64: such points are skipped.

@@ -168,7 +168,7 @@ def test_a_command_for_the_harness_names_what_there_is(page, given, folder):
     one_scene = ["scene=cornell_box"] if given[0].startswith("sweep=") and not names_scene else []
     done = Mock(return_value=None)
     with (
-        patch.object(cli, "_function", Mock(return_value=done)),
+        patch.object(cli, "resolve_name", Mock(return_value=done)),
         patch.object(experiments.sweep, "run_sweep", done),
         patch.object(experiments.commands.single, "run_single_point", done),
     ):
