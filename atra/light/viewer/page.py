@@ -123,7 +123,7 @@ class Page:
                 is_first = False
 
             client.camera.on_update(moved)
-            self._movement.value = MOVEMENTS[0]  # of all pages: a new one has not found its own camera yet
+            self._movement.value = MOVEMENTS[0]  # of all pages
 
         @server.on_client_disconnect
         async def _(client: ClientHandle) -> None:
@@ -187,6 +187,8 @@ class Page:
             steps.visible = walks = self._movement.value == "walk"
             for client in self._server.get_clients().values():
                 camera = client.camera
+                if not walks and np.linalg.norm(camera.look_at - camera.position) > 2.0 * _NEAR:
+                    continue  # it did not walk: a new page, which has not found its own camera yet
                 with client.atomic():  # the point that a camera turns about is right before the eye, or far from it
                     camera.max_orbit_distance = _FAR
                     camera.look_at = camera.position + (_NEAR if walks else self._distance) * _axes(camera)[:, 2]
