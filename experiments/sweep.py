@@ -116,7 +116,7 @@ class _Sweep:
     is_idle: bool = False
 
     def tables(self) -> Tables:
-        """Of what is done."""
+        """The tables of the processes that are done."""
         names = in_order(self.points, self.done)
         grids = {self.done[name].point_id: self.points[name].grids for name in names}
         return make_tables([self.done[name] for name in names], grids)

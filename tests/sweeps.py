@@ -41,7 +41,7 @@ class Runner:
 
 
 def configuration(folder, sweep="one", split_x=1, workload="frame", **fields):
-    """Of a sweep that draws nothing: drawing takes time."""
+    """The configuration of a point of a sweep that draws nothing, as drawing takes time."""
     return Configuration(
         scene=SceneConfiguration(name="cornell_box", source=SceneSource.procedural),
         sweep=SweepConfiguration(name=sweep, figures={"figure5": []}),

@@ -34,10 +34,12 @@ def denoiser(threads: int | None = None) -> Iterator[Callable[..., NDArray[np.fl
     def filtered(**given: NDArray[np.floating]) -> NDArray[np.float32]:
         images = {name: np.ascontiguousarray(image, np.float32) for name, image in given.items()}
         out = np.empty_like(images["color"])
-        with pyoidn.Filter(device, getattr(pyoidn, f"OIDN_FILTER_TYPE_RT{'_LIGHTMAP' * (len(given) == 1)}")) as one:
+        is_lightmap = len(given) == 1
+        kind = pyoidn.OIDN_FILTER_TYPE_RT_LIGHTMAP if is_lightmap else pyoidn.OIDN_FILTER_TYPE_RT
+        with pyoidn.Filter(device, kind) as one:
             for name, image in (images | {"output": out}).items():
                 one.set_image(getattr(pyoidn, f"OIDN_IMAGE_{name.upper()}"), image, pyoidn.OIDN_FORMAT_FLOAT3)
-            for switch in ("hdr", "cleanAux") * (len(given) > 1):
+            for switch in () if is_lightmap else ("hdr", "cleanAux"):
                 one.set_bool(switch, True)
             one.commit()
             one.execute()

@@ -100,8 +100,8 @@ def test_a_key_that_nothing_reads_is_refused_by_name(told):
 
 
 def test_rows_of_older_code_are_of_tables_that_are_as_they_were():
-    """Whoever measures one anew makes the rows anew, by the commit that reports/reference/README.md names, and writes
-    the table's SHA-256 into kept.sha256."""
+    """If a table is measured again, its rows are made again, by the commit that reports/reference/README.md names, and
+    its SHA-256 goes into kept.sha256."""
     kept = [line.split() for line in (REFERENCE / "kept.sha256").read_text(encoding="utf-8").splitlines()]
     assert {digest: sha256((REFERENCE / place).read_bytes()).hexdigest() for digest, place in kept} == {
         digest: digest for digest, _ in kept

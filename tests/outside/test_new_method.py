@@ -123,7 +123,7 @@ def test_a_helper_that_changes_makes_a_sweep_measure_again_and_its_fault_is_seen
     ("inner/shifting", {"mine": "from inner.shifting import shifted\n", "inner/__init__": ""}),
     ("inner/shifting", {"mine": "from inner.shifting import shifted\n"}),
     ("inner/shifting", {"mine": "from inner import shifted\n", "inner/__init__": "from .shifting import shifted\n"}),
-], ids=["at the top", "when called", "through another", "of a package", "of a folder", "in a package"])  # fmt: skip
+], ids=["at the top", "when called", "through another", "by its package", "by its folder", "in a package"])  # fmt: skip
 def test_whatever_way_a_helper_is_imported_it_is_found_and_part_of_the_identity(write, tmp_path, helper, files):
     environment, found = current_environment(), []
     for shift in ("0.0", "1.0", "0.0"):

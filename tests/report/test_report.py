@@ -27,7 +27,8 @@ def page():
 
 @pytest.fixture(scope="module")
 def full_page():
-    """Of all four scenes, which agree with the paper but for single rays of one: half as fast, gathering or not."""
+    """The page of all four scenes, which agree with the paper but for single rays of one: half as fast, gathering or
+    not."""
     processes = scaled(agreeing_table(), 0.5, workload="frame", packet_width=1, scene="sponza")
     points = processes[processes["process"].fillna(0) == 0]
     return render_report(small_contents(table=points, processes=processes, claims=judge_claims(processes)))

@@ -97,7 +97,8 @@ def headings_of(name):
 
 
 def record_with(name, value):
-    """Of the aligned method, or of the first that has the option, and of the workload that knows the setting."""
+    """A record of the aligned method, or of the first that has the option, and of the workload that knows the
+    setting."""
     values = {key: first for key, (first, _, _) in VALUES.items()} | {name: value}
     workload = WORKLOAD_OF.get(name, WORKLOADS[0])
     configuration = MEASURED.configuration | {

@@ -21,7 +21,7 @@ MOST_WAIT_S = 120.0
 """Seconds after which a test that gets nowhere fails."""
 
 Call = Callable[[Any, np.random.Generator], Any]
-"""Of the object that all threads share; checks what it returns."""
+"""A call of the object that all threads share; it checks what that returns."""
 
 
 class Expected:

@@ -41,8 +41,8 @@ _STEP = 0.2
 _NEAR, _FAR = 0.01, 1e4
 """Distances from the eye to the point it turns about: always, while walking; and most, in orbit."""
 
-_OWN_CAMERAS = 4
-"""A new page's cameras, until it has found its first view, are viser's own; so many at most, less one."""
+_OWN_CAMERAS = 3
+"""Most cameras of viser's own that a new page sends before it looks from the first view."""
 
 _WAYS = {"forward": (0.0, 1.0), "back": (0.0, -1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
 """Buttons: how far to the right and ahead."""
@@ -118,13 +118,17 @@ class Page:
 
         @server.on_client_connect
         async def _(client: ClientHandle) -> None:
-            own = _OWN_CAMERAS
+            own_left = _OWN_CAMERAS
 
             async def moved(camera: CameraHandle) -> None:  # on viser's own thread, so that cameras come in their order
-                nonlocal own
+                nonlocal own_left
                 pose = pose_of(camera, self._unit)
-                own = 0 if np.allclose(pose.eye, first.eye, atol=1e-3 * self._unit) else max(0, own - 1)
-                self.session.want(replace(first, aspect=camera.aspect) if own else pose)
+                if own_left == 0 or np.allclose(pose.eye, first.eye, atol=1e-3 * self._unit):
+                    own_left = 0
+                    self.session.want(pose)
+                else:
+                    own_left -= 1
+                    self.session.want(replace(first, aspect=camera.aspect))
 
             client.camera.on_update(moved)
             self._movement.value = MOVEMENTS[0]  # of all pages

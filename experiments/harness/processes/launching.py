@@ -140,8 +140,8 @@ def _end_of(output: Path) -> str:
 
 
 def _environment(point: Point) -> dict[str, str]:
-    """Of the worker, which reads its instruction set once, when `atra` is imported. NumPy's matrix library would take
-    every core whatever the point asks for."""
+    """The environment of the worker, which reads its instruction set once, when `atra` is imported. NumPy's matrix
+    library would take every core whatever the point asks for."""
     libraries = () if point.threads is None else ("OPENBLAS", "MKL", "OMP")
     vectors = {} if point.instruction_set is None else {VARIABLE: point.instruction_set}
     return project_environment() | vectors | {f"{name}_NUM_THREADS": str(point.threads) for name in libraries}

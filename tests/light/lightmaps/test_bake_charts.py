@@ -64,7 +64,7 @@ def test_a_triangle_smaller_than_a_texel_still_has_one_and_one_without_area_has_
 
 
 UV = np.array([[(0.2, 0.2), (0.8, 0.2), (0.8, 0.8)], [(0.2, 0.2), (0.8, 0.8), (0.2, 0.8)]])
-"""Of `PLATE`."""
+"""Places of the two triangles of `PLATE` on a map."""
 
 
 @pytest.mark.parametrize(("make", "told"), [

@@ -38,7 +38,7 @@ def test_a_closed_furnace_has_the_light_of_a_geometric_series(albedo, bounces, r
 
 
 def corner_factor(a, b):
-    """Of a point below the corner of a parallel rectangle a x b, both over the distance."""
+    """The form factor of a point below the corner of a parallel rectangle a x b, both over the distance."""
     p, q = np.sqrt(1 + a * a), np.sqrt(1 + b * b)
     return (a / p * np.arctan(b / p) + b / q * np.arctan(a / q)) / (2 * np.pi)
 
